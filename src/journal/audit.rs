@@ -1,5 +1,5 @@
-//! The audit on its way into the journal: each attempt in exactly one row, which is written when it is made and once
-//! more when its end is known.
+//! Audit rows on their way into the journal. Each attempt has exactly one row, which is written when it is made and
+//! again when its outcome is known.
 
 use super::entry::AttemptId;
 use super::merge::{Key, Merges};
@@ -8,61 +8,61 @@ use crate::domain::command::Report;
 use crate::domain::time::MonoTime;
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
-/// Most rows that wait to be written.
+/// Maximum number of rows waiting to be written.
 pub const WAITING_MAX: usize = 4096;
-/// How many of them may be stops before one of those gives way.
+/// How many of them may be stops before a stop is dropped.
 pub const STOPS_MAX: usize = 1024;
-/// Most attempts whose end is waited for. A line has far fewer; what is forgotten stays in the journal without its end.
+/// Maximum number of attempts without an outcome. A line has far fewer; a dropped one stays without an outcome.
 pub const OPEN_MAX: usize = 65_536;
 
-/// An attempt by where it was made: a line or a north side in one of its lives, and its number there.
+/// Identifies an attempt: its source (one run of a line or a north interface), and its number there.
 pub type AttemptKey = (u64, AttemptId);
 
-/// What becomes of one row.
+/// A change to one row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
-    /// It is as this record says.
+    /// Insert or replace it.
     Put(Record),
-    /// It is counted in another one.
+    /// Remove it: it is counted in another one.
     Remove,
 }
 
 #[derive(Debug)]
 struct Waiting {
     change: Change,
-    /// How many of its count are in the journal already.
+    /// How much of its count is already in the journal.
     kept: u64,
-    /// Where its end is waited for.
+    /// The open attempt, if its outcome is awaited.
     place: Option<AttemptKey>,
 }
 
-/// Rows that wait to be written, and attempts whose end is not known.
+/// Rows waiting to be written, and attempts without an outcome.
 #[derive(Debug, Default)]
 pub struct Audit {
     /// The number of the newest row.
     newest: u64,
-    /// The newest that was there when all was kept.
+    /// The newest row when all was last written.
     kept: u64,
     waiting: BTreeMap<u64, Waiting>,
     stops_waiting: usize,
     open: HashMap<AttemptKey, Record>,
-    /// Oldest first. One that has ended may still stand here.
+    /// Oldest first. It may contain attempts that have ended.
     order: VecDeque<AttemptKey>,
     merges: Merges,
     lost: Lost,
 }
 
-/// What could not be kept.
+/// Counts of what could not be stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lost {
-    /// Attempts to write that stand in no row.
+    /// Attempts to write without a row.
     pub attempts: u64,
-    /// Ends of attempts, trips and other rows.
+    /// Outcomes of attempts, trips and other rows.
     pub others: u64,
 }
 
 impl Lost {
-    /// All of it.
+    /// The sum.
     #[must_use]
     pub const fn total(self) -> u64 {
         self.attempts + self.others
@@ -77,7 +77,7 @@ impl std::ops::AddAssign for Lost {
 }
 
 impl Audit {
-    /// Takes what was tried or done. `place` is where an end will be told.
+    /// Adds an attempt or action. `place`: the attempt whose outcome will follow, if any.
     pub fn add(&mut self, now: MonoTime, mut record: Record, place: Option<AttemptKey>) {
         if let Some(key) = Key::of(&record) {
             return self.add_shared(now, key, record);
@@ -91,7 +91,7 @@ impl Audit {
         self.put(record, 0, place);
     }
 
-    /// What became of the attempt at `place` is known.
+    /// Records the outcome of the attempt at `place`.
     pub fn end(&mut self, now: MonoTime, place: AttemptKey, report: Report) {
         let Some(record) = self.open.remove(&place) else { return };
         let record = Record { report: Some(report), ..record };
@@ -100,7 +100,7 @@ impl Audit {
         match self.merges.join(&key, &record, now) {
             Some((shared, shared_kept)) => {
                 self.remove(record.number, kept > 0);
-                // What is kept of this one moves into the other.
+                // The stored count of this one moves into the other.
                 self.put(shared, shared_kept, None);
             }
             None => {
@@ -125,7 +125,8 @@ impl Audit {
     }
 
     fn put(&mut self, record: Record, kept: u64, place: Option<AttemptKey>) {
-        let (number, is_stop) = (record.number, record.is_stop);
+        let number = record.number;
+        let is_stop = record.is_stop;
         let change = Change::Put(record);
         if self.waiting.insert(number, Waiting { change, kept, place }).is_none() {
             self.stops_waiting += usize::from(is_stop);
@@ -143,7 +144,7 @@ impl Audit {
         }
     }
 
-    /// The oldest row gives way; a stop only if there are too many of them.
+    /// Drops the oldest row; a stop only if there are too many of them.
     fn give_way(&mut self) {
         let may_go = |waiting: &Waiting| match &waiting.change {
             Change::Put(record) => self.stops_waiting > STOPS_MAX || !record.is_stop,
@@ -172,41 +173,41 @@ impl Audit {
                 self.open.remove(&place);
             }
         }
-        // What ended long ago must not push out what is still open.
+        // Attempts that have ended must not push out open ones.
         if self.order.len() > 2 * self.open.len() + 64 {
             self.order.retain(|place| self.open.contains_key(place));
         }
     }
 
-    /// What waits to be written, by the numbers of the rows.
+    /// The changes to be written, by row number.
     pub fn waiting(&self) -> impl Iterator<Item = (u64, &Change)> {
         self.waiting.iter().map(|(number, waiting)| (*number, &waiting.change))
     }
 
-    /// How many rows wait to be written.
+    /// The number of rows waiting to be written.
     #[must_use]
     pub fn len(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Whether none waits.
+    /// Whether no row is waiting.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }
 
-    /// What could not be kept, since this was asked last.
+    /// Takes the counts of what could not be stored since the last call.
     pub fn take_lost(&mut self) -> Lost {
         std::mem::take(&mut self.lost)
     }
 
-    /// The number of the newest row when all was written last.
+    /// The number of the newest row when all was last written.
     #[must_use]
     pub const fn kept(&self) -> u64 {
         self.kept
     }
 
-    /// All that waited is written.
+    /// Everything has been written.
     pub fn written(&mut self) {
         self.waiting.clear();
         self.stops_waiting = 0;

@@ -1,5 +1,5 @@
-//! Everything that waits to be written into the journal, and what is remembered of each drive. It is told what happened
-//! and says what is to be written; while nothing can be written, it keeps the newest of it.
+//! Everything waiting to be written into the journal, and the state remembered of each drive. It collects what happened
+//! and returns what is to be written; while writing is impossible, it keeps the newest.
 
 use super::audit::{Audit, Lost};
 use super::entry::{Attempt, Entry};
@@ -15,9 +15,9 @@ use crate::drive::view::TripEvent;
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-/// Most trip events that wait to be written.
+/// Maximum number of trip events waiting to be written.
 pub const EVENTS_MAX: usize = 1024;
-/// Most rows about comings and goings that wait to be written.
+/// Maximum number of availability rows waiting to be written.
 pub const AVAILABILITY_MAX: usize = 1024;
 
 /// A trip event before it has a number.
@@ -29,11 +29,11 @@ pub struct NewEvent {
     pub at: WallTime,
     /// What happened.
     pub kind: &'static str,
-    /// What is published of it, without its number.
+    /// The published body, without its number.
     pub body: Map<String, Value>,
 }
 
-/// What waits to be written.
+/// What is waiting to be written.
 #[derive(Debug, Default)]
 pub struct Book {
     /// Attempts.
@@ -52,13 +52,13 @@ pub struct Book {
 type Label<'l> = dyn Fn(MonoTime) -> WallTime + 'l;
 
 impl Book {
-    /// A book in which nothing waits, with what is remembered of the drives.
+    /// An empty book, with the remembered state of the drives.
     #[must_use]
     pub fn new(memory: BTreeMap<Name, Remembered>) -> Self {
         Self { memory, ..Self::default() }
     }
 
-    /// Takes what the line `source` says of `drive`.
+    /// Takes an entry of the line `source` about `drive`.
     pub fn take(&mut self, source: u64, drive: &DriveDescription, at: MonoTime, entry: Entry, label: &Label<'_>) {
         let lease_before = self.remember(&drive.name, &entry);
         let moment = label(at);
@@ -84,7 +84,7 @@ impl Book {
         }
     }
 
-    /// Takes an attempt of `source`: a line, or a north side where it was refused.
+    /// Takes an attempt of `source`: a line, or a north interface that refused it.
     pub fn attempt(&mut self, source: u64, name: Option<&Name>, at: MonoTime, attempt: &Attempt, label: &Label<'_>) {
         let place = attempt.report.is_none().then_some((source, attempt.id));
         self.audit.add(at, Record::of_attempt(label(at), name, attempt), place);
@@ -92,15 +92,15 @@ impl Book {
 
     fn trip(&mut self, drive: &DriveDescription, event: &TripEvent, label: &Label<'_>) {
         let body = trip::event(drive, &|at| rfc3339(label(at)), event);
-        let (drive, at, kind) = (drive.name.clone(), label(event.at), trip::kind(&event.kind));
-        self.events.push_back(NewEvent { drive, at, kind, body });
+        let kind = trip::kind(&event.kind);
+        self.events.push_back(NewEvent { drive: drive.name.clone(), at: label(event.at), kind, body });
         if self.events.len() > EVENTS_MAX {
             self.events.pop_front();
             self.lost += 1;
         }
     }
 
-    /// Takes a row about a coming or going.
+    /// Takes an availability row.
     pub fn note(&mut self, row: Row) {
         self.availability.push_back(row);
         if self.availability.len() > AVAILABILITY_MAX {
@@ -109,7 +109,7 @@ impl Book {
         }
     }
 
-    /// Returns the lease that was remembered before.
+    /// Updates the remembered state; returns the lease remembered before.
     fn remember(&mut self, name: &Name, entry: &Entry) -> Option<RememberedLease> {
         self.forgotten.remove(name);
         let memory = self.memory.entry(name.clone()).or_default();
@@ -121,7 +121,7 @@ impl Book {
         before.lease
     }
 
-    /// The leases that an earlier life has left are given their time once: whoever finds them after this knows.
+    /// Marks the leases left by an earlier run as orphaned, so that they get their time only once.
     pub fn orphan_leases(&mut self, now: MonoTime, at: WallTime) {
         for (name, memory) in &mut self.memory {
             if let Some(lease) = memory.lease.as_mut().filter(|lease| !lease.was_orphaned) {
@@ -133,7 +133,7 @@ impl Book {
         }
     }
 
-    /// What is remembered of the drive called `name` is not needed any more.
+    /// Removes the remembered state of the drive called `name`.
     pub fn forget(&mut self, name: &Name) {
         if self.memory.remove(name).is_some() {
             self.touched.remove(name);
@@ -146,58 +146,58 @@ impl Book {
         self.forgotten.iter()
     }
 
-    /// All memory is to be written, because what was written is not there any more.
+    /// Marks all memory as to be written, because the stored one is gone.
     pub fn touch_all(&mut self) {
         self.touched = self.memory.keys().cloned().collect();
     }
 
-    /// All that is remembered, by the names of the drives.
+    /// All remembered state, by drive name.
     #[must_use]
     pub const fn all_memory(&self) -> &BTreeMap<Name, Remembered> {
         &self.memory
     }
 
-    /// The memory that is to be written, by the names of the drives.
+    /// The memory to be written, by drive name.
     pub fn memory(&self) -> impl Iterator<Item = (&Name, &Remembered)> {
         self.touched.iter().filter_map(|name| self.memory.get_key_value(name))
     }
 
-    /// Trip events that wait, oldest first.
+    /// Waiting trip events, oldest first.
     pub fn events(&self) -> impl Iterator<Item = &NewEvent> {
         self.events.iter()
     }
 
-    /// Rows about comings and goings that wait, oldest first.
+    /// Waiting availability rows, oldest first.
     pub fn availability(&self) -> impl Iterator<Item = &Row> {
         self.availability.iter()
     }
 
-    /// Whether a trip waits: then what is written must reach the disk.
+    /// Whether a trip event is waiting: then the write must be synced to disk.
     #[must_use]
     pub fn has_trip(&self) -> bool {
         !self.events.is_empty()
     }
 
-    /// How many rows wait.
+    /// The number of waiting rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.audit.len() + self.events.len() + self.availability.len() + self.touched.len() + self.forgotten.len()
     }
 
-    /// Whether nothing waits.
+    /// Whether no row is waiting.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// What could not be kept, since this was asked last.
+    /// Takes the counts of what could not be stored since the last call.
     pub fn take_lost(&mut self) -> Lost {
         let mut lost = Lost { others: std::mem::take(&mut self.lost), ..Lost::default() };
         lost += self.audit.take_lost();
         lost
     }
 
-    /// All that waited is written. Returns how many rows that were.
+    /// Everything has been written. Returns the number of rows.
     pub fn written(&mut self) -> usize {
         let rows = self.len();
         self.audit.written();

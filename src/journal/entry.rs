@@ -1,4 +1,4 @@
-//! What should be kept: attempts to write and what became of them, trips, leases, stops, comings and goings.
+//! Journal entries: attempts to write and their outcomes, trips, leases, stops, availability.
 
 use super::remembered::TripBaseline;
 use crate::domain::command::{Order, Owner, Report};
@@ -8,16 +8,16 @@ use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::TripEvent;
 
-/// The number of a row among those of one line in one life of the gateway, from 1. Rows are kept in the order of their
-/// numbers, so that one number tells of all before it.
+/// The number of a row among those of one line in one run of the gateway, from 1. Rows are stored in the order of their
+/// numbers, so that one number covers all before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RowNumber(pub u64);
 
-/// An attempt to write, among those of one line or one north side in one life of the gateway.
+/// An attempt to write, among those of one line or one north interface in one run of the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AttemptId(pub u64);
 
-/// Something to be kept, by the line that says so.
+/// An entry to be stored, from a line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keep {
     /// Its number.
@@ -33,21 +33,21 @@ pub struct Keep {
 /// What happened.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
-    /// Somebody tried to write.
+    /// A client tried to write.
     Attempt(Attempt),
-    /// What became in the end of an attempt that was taken.
+    /// The final outcome of an accepted attempt.
     Ended {
         /// The attempt.
         attempt: AttemptId,
-        /// What became of it.
+        /// The outcome.
         report: Report,
     },
-    /// The drive tripped, or its trip is over; and the count and state up to which trips are now told.
+    /// The drive tripped, or its trip is over; with the count and state up to which trips are now reported.
     Trip(TripEvent, TripBaseline),
-    /// The count or the state of the drive's trips is another without an event: it was seen for the first time, or its
+    /// The count or the state of the drive's trips changed without an event: it was read for the first time, or the
     /// count fell.
     Baseline(TripBaseline),
-    /// Control is leased to this owner, or to nobody any more.
+    /// Control is leased to this owner; `None` if the lease has ended.
     Lease(Option<Owner>),
     /// A stop was accepted: it is pending until it is effective or given up.
     StopPending {
@@ -56,15 +56,15 @@ pub enum Entry {
     },
     /// No stop is pending any more.
     StopOver {
-        /// It took effect. If not, it was given up because the drive stayed away.
+        /// It took effect. If not, it was given up because the drive stayed offline.
         is_effective: bool,
     },
-    /// The word that resets may stand in the drive's run command from now on, or does not any more.
+    /// Whether the drive's run command may hold the reset word has changed.
     ResetWord {
         /// It may.
         may_stand: bool,
     },
-    /// A declared action runs although nobody commanded it.
+    /// A declared action runs without a command.
     FailSafe {
         /// Whose control it ends.
         owner: Option<Owner>,
@@ -73,27 +73,27 @@ pub enum Entry {
         /// Why.
         cause: Cause,
     },
-    /// The drive has come or gone.
+    /// The drive went online or offline.
     Presence(Presence),
 }
 
 /// Why a declared action runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
-    /// The commander fell silent.
+    /// The client stopped responding.
     CommanderLost,
-    /// The gateway is ended on purpose.
+    /// The gateway is stopped on purpose.
     Shutdown,
-    /// The lease of an earlier life of the gateway was not taken up again.
+    /// The lease of an earlier run of the gateway was not renewed.
     Orphaned,
-    /// The gateway ended again before the lease of an earlier life could end.
+    /// The gateway exited again before the lease of an earlier run could expire.
     CrashLoop,
-    /// The drive leaves the configuration.
+    /// The drive is removed from the configuration.
     Removed,
 }
 
 impl Cause {
-    /// The word as it stands in the journal.
+    /// The word used in the journal.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -109,17 +109,17 @@ impl Cause {
 /// Who tried to write what.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attempt {
-    /// By which its end is told.
+    /// Its number, which the outcome refers to.
     pub id: AttemptId,
     /// Who.
     pub owner: Owner,
     /// What.
     pub tried: Tried,
-    /// What became of it, if that is known already: it was refused, or there was nothing to do. Then no end follows.
+    /// The outcome, if already known: it was refused, or there was nothing to do. Then no [`Entry::Ended`] follows.
     pub report: Option<Report>,
 }
 
-/// What somebody tried to write.
+/// What a client tried to write.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Tried {
     /// An order.
@@ -131,6 +131,6 @@ pub enum Tried {
         /// Their words.
         values: Vec<u16>,
     },
-    /// Something that was not understood, as it came, shortened.
+    /// Unparsable input as received, shortened.
     Text(String),
 }

@@ -1,4 +1,4 @@
-//! What is remembered of a drive: how entries change it, and how it is written.
+//! The remembered state of a drive: how entries change it, and its JSON form.
 
 use super::entry::Entry;
 use super::remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
@@ -7,7 +7,7 @@ use crate::drive::view::TripEventKind;
 use serde_json::{Value, json};
 
 impl Remembered {
-    /// Takes notice of `entry`.
+    /// Applies `entry`.
     pub fn take(&mut self, entry: &Entry) {
         match entry {
             Entry::Trip(event, baseline) => {
@@ -28,7 +28,7 @@ impl Remembered {
         }
     }
 
-    /// As it is written.
+    /// The JSON form.
     #[must_use]
     pub fn to_json(&self) -> String {
         json!({
@@ -42,7 +42,7 @@ impl Remembered {
         .to_string()
     }
 
-    /// What was written as `text`; nothing if that is not understood.
+    /// Parses the JSON form; `None` if `text` is not valid.
     #[must_use]
     pub fn from_json(text: &str) -> Option<Self> {
         let value: Value = serde_json::from_str(text).ok()?;

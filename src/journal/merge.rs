@@ -1,5 +1,5 @@
-//! Equal refusals and superseded setpoints of one commander and drive share a row for a second, with a count: neither a
-//! controller that repeats what is refused nor a slider that is dragged fills the journal.
+//! Equal refusals and superseded setpoints of one client and drive share a row for a second, with a count, so that
+//! neither a controller that repeats a refused command nor a dragged slider fills the journal.
 
 use super::record::Record;
 use crate::domain::command::{Outcome, Owner, Reason};
@@ -10,10 +10,10 @@ use std::time::Duration;
 
 /// How long a row is shared.
 pub const SHARED_FOR: Duration = Duration::from_secs(1);
-/// Most rows that are shared at a time. The oldest is shared no more.
+/// Maximum number of shared rows. The oldest is no longer shared when it is exceeded.
 pub const SHARES_MAX: usize = 1024;
 
-/// What may share a row.
+/// Records with equal keys may share a row.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Key {
     name: Option<Name>,
@@ -23,13 +23,13 @@ pub struct Key {
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum What {
-    /// Also by who stood in the way.
+    /// Attempt, reason, and the holder of control.
     Refused(String, Reason, Option<Owner>),
     Superseded,
 }
 
 impl Key {
-    /// With what `record` may share a row; nothing: it stands alone.
+    /// The key of `record`; `None` if it does not share a row.
     #[must_use]
     pub fn of(record: &Record) -> Option<Self> {
         let report = record.report?;
@@ -46,7 +46,7 @@ impl Key {
 struct Share {
     since: MonoTime,
     record: Record,
-    /// How many of its count are kept already.
+    /// How much of its count is already stored.
     kept: u64,
 }
 
@@ -54,22 +54,22 @@ struct Share {
 #[derive(Debug, Default)]
 pub struct Merges {
     shares: HashMap<Key, Share>,
-    /// Oldest first. One that is shared no more may still stand here.
+    /// Oldest first. It may contain rows that are no longer shared.
     order: VecDeque<(MonoTime, Key)>,
 }
 
 impl Merges {
-    /// `record` as it stands in a row that is shared, and how many of that are kept already; nothing: it needs a row of
-    /// its own, and is told by [`begin`](Self::begin).
+    /// Adds `record` to a shared row; returns that and how much of its count is already stored. `None` if it needs a
+    /// row of its own, see [`begin`](Self::begin).
     pub fn join(&mut self, key: &Key, record: &Record, now: MonoTime) -> Option<(Record, u64)> {
         let share = self.shares.get_mut(key).filter(|share| now < share.since + SHARED_FOR)?;
         share.record.count += record.count;
-        // The newest setpoint; of refusals all are the same.
+        // The newest setpoint; equal refusals have the same text.
         share.record.tried.clone_from(&record.tried);
         Some((share.record.clone(), share.kept))
     }
 
-    /// From now on the row of `record` is shared.
+    /// Shares the row of `record` from now on.
     pub fn begin(&mut self, key: Key, record: Record, now: MonoTime) {
         self.shares.insert(key.clone(), Share { since: now, record, kept: 0 });
         self.order.push_back((now, key));
@@ -84,12 +84,12 @@ impl Merges {
         }
     }
 
-    /// All rows are kept as they are now.
+    /// All rows have been stored as they are now.
     pub fn kept(&mut self) {
         self.shares.values_mut().for_each(|share| share.kept = share.record.count);
     }
 
-    /// The row with this number is shared no more.
+    /// The row of `record` is no longer shared.
     pub fn end(&mut self, record: &Record) {
         if let Some(key) = Key::of(record)
             && self.shares.get(&key).is_some_and(|share| share.record.number == record.number)

@@ -1,10 +1,10 @@
-//! What is kept beyond the life of the process: what a line says that should be kept, what it is told of an earlier life,
-//! and how that is written. Files and databases are the daemon's.
+//! What outlives the process: the entries of lines, what lines learn of an earlier run, and how it is written. Files
+//! and databases belong to the daemon.
 //!
-//! `entry` and `remembered` are what lines say and hear. `book` holds what waits to be written: attempts in `audit`, each
-//! one a `record`, equal ones counted together by `merge`; trips as `trip` words them; comings and goings. `row` is how
-//! all of it stands in a table, with its CRC, `memory` how what is remembered of a drive does, and `policy` says what
-//! gives way when there is no more room.
+//! `entry` is what lines report, `remembered` what they get at start. `book` holds what is waiting to be written:
+//! attempts in `audit`, each a `record`, equal ones counted together by `merge`; trips in the form of `trip`;
+//! availability. `row` is the form of a table row, with its CRC, `memory` that of the remembered state of a drive, and
+//! `policy` decides what is deleted when the journal is full.
 
 pub mod audit;
 pub mod book;

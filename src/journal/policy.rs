@@ -1,16 +1,16 @@
-//! What gives way when the journal has reached its size: the audit before comings and goings, those before trips, each
-//! from its oldest end.
+//! What is deleted when the journal has reached its size: audit before availability, availability before trips, oldest
+//! rows first.
 
 use super::row::Table;
 
-/// Room in bytes that is reckoned for a row.
+/// Assumed size of a row in bytes.
 const ROW_BYTES: u64 = 512;
-/// The part of the size that each table keeps for its newest rows as long as another one can give way.
+/// Each table keeps this fraction (1/n) of the size for its newest rows as long as another one can be cut.
 const LEAST_PART: u64 = 16;
-/// Least number of rows that go at once, so that a full journal is not cut at every row.
+/// Minimum number of rows deleted at once, so that a full journal is not cut at every row.
 const CUT_MIN: u64 = 64;
 
-/// How many rows a table has.
+/// The number of rows of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
     /// The table.
@@ -24,17 +24,17 @@ pub struct Share {
 pub struct Cut {
     /// The table.
     pub table: Table,
-    /// How many.
+    /// Number of rows.
     pub rows: u64,
 }
 
-/// Whether a journal with `used` bytes in rows is so near to `most` that something has to go.
+/// Whether a journal with `used` bytes in rows is so close to `most` that rows have to be deleted.
 #[must_use]
 pub const fn is_full(used: u64, most: u64) -> bool {
     used > most / 8 * 7
 }
 
-/// What goes first from tables with these rows, of a journal of at most `most` bytes. Nothing if there is nothing.
+/// What to delete next from tables with these rows, in a journal of at most `most` bytes. `None` if all are empty.
 #[must_use]
 pub fn cut(shares: [Share; 3], most: u64) -> Option<Cut> {
     let least = most / LEAST_PART / ROW_BYTES;

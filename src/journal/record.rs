@@ -1,4 +1,4 @@
-//! What stands in one row of the audit.
+//! The contents of one audit row.
 
 use super::entry::{Attempt, Cause};
 use super::remembered::RememberedLease;
@@ -13,58 +13,58 @@ use serde_json::{Map, Value};
 /// One row of the audit before it is written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Its number among those of this life of the gateway, from 1.
+    /// Its number in this run of the gateway, from 1.
     pub number: u64,
-    /// When the first of what it counts happened.
+    /// When the first of the counted attempts happened.
     pub at: WallTime,
-    /// The drive; nothing: none was named, or no known one.
+    /// The drive; `None` if none, or no known one, was named.
     pub name: Option<Name>,
     /// What it is.
     pub kind: RecordKind,
-    /// Who; nothing: nobody held control.
+    /// The client; `None` if no client held control.
     pub by: Option<Owner>,
     /// What was tried or done, in words.
     pub tried: String,
-    /// What became of it; nothing: that is not known yet, or the gateway ended before.
+    /// The outcome; `None` if not known yet, or if the gateway exited before.
     pub report: Option<Report>,
-    /// How many attempts it stands for.
+    /// The number of attempts that it counts.
     pub count: u64,
-    /// It takes energy off the motor.
+    /// Whether it removes energy from the motor.
     pub is_stop: bool,
-    /// It is a setpoint alone.
+    /// Whether it is only a setpoint.
     pub is_setpoint: bool,
 }
 
-/// What a row of the audit is.
+/// Kinds of audit rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordKind {
-    /// Somebody tried to write.
+    /// A client tried to write.
     Attempt,
-    /// A declared action ran although nobody commanded it.
+    /// A declared action ran without a command.
     FailSafe(Cause),
-    /// A stop was given up because the drive stayed away.
+    /// A stop was given up because the drive stayed offline.
     StopGivenUp,
-    /// Control is held by somebody else than before, or by nobody.
+    /// The holder of control changed, or there is none any more.
     Lease(LeaseChange),
 }
 
 /// How control changed hands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeaseChange {
-    /// Nobody held it before.
+    /// It had no holder before.
     Opened,
-    /// Nobody holds it any more.
+    /// It has no holder any more.
     Ended,
-    /// It was taken over from this one.
+    /// It was taken over from this owner.
     TakenOver(Owner),
-    /// The gateway started anew, and its owner is awaited.
+    /// The gateway restarted, and its owner is awaited.
     Orphaned,
     /// Its owner came back after that.
     TakenUp,
 }
 
 impl LeaseChange {
-    /// What `owner` now means where `before` is remembered, with the one whom it is about; nothing new: nothing.
+    /// The change from the remembered lease `before` to `owner`, with the owner concerned; `None` if nothing changed.
     #[must_use]
     pub fn of(before: Option<RememberedLease>, owner: Option<Owner>) -> Option<(Owner, Self)> {
         match (before, owner) {
@@ -88,7 +88,7 @@ impl LeaseChange {
 }
 
 impl RecordKind {
-    /// The word as it stands in the journal.
+    /// The word used in the journal.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -153,7 +153,7 @@ impl Record {
         }
     }
 
-    /// The row, behind `base` rows of earlier lives.
+    /// The row, numbered after `base` rows of earlier runs.
     #[must_use]
     pub fn row(&self, base: u64) -> Row {
         let mut body = Map::new();

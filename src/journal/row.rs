@@ -1,4 +1,4 @@
-//! A row as it stands in the journal: a moment, a kind, a name, a JSON body, and the CRC over all of them.
+//! A row of the journal: a moment, a kind, a name, a JSON body, and the CRC over all of them.
 
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::WallTime;
@@ -11,16 +11,16 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// A table of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Table {
-    /// Attempts to write, and what is done without one.
+    /// Attempts to write, and actions without a command.
     Audit,
-    /// Comings and goings of drives, lines and the gateway itself.
+    /// Availability of drives, lines and the gateway itself.
     Availability,
     /// Trips and their clearings.
     Event,
 }
 
 impl Table {
-    /// All of them, in the order in which they give way when the journal is full.
+    /// All of them, in the order in which they are cut when the journal is full.
     pub const ALL: [Self; 3] = [Self::Audit, Self::Availability, Self::Event];
 
     /// Its name in the database.
@@ -39,18 +39,18 @@ impl Table {
 pub struct Row {
     /// Its number in its table, rising.
     pub number: u64,
-    /// When it happened, by the wall clock of then.
+    /// When it happened, by the wall clock at that time.
     pub at: WallTime,
     /// What it is.
     pub kind: String,
-    /// The drive or line that it is about; nothing: the gateway.
+    /// The drive or line that it is about; `None` for the gateway.
     pub name: Option<String>,
     /// Everything else: a JSON object.
     pub body: String,
 }
 
 impl Row {
-    /// The CRC that stands beside it in `table`. SQLite does not notice a flipped bit in a row.
+    /// The CRC stored with it in `table`. SQLite does not detect a flipped bit in a row.
     #[must_use]
     pub fn crc(&self, table: Table) -> u32 {
         let mut digest = CRC.digest();
@@ -59,38 +59,38 @@ impl Row {
         digest.update(&self.at.unix_ms.to_le_bytes());
         digest.update(&[u8::from(self.name.is_some())]);
         for text in [&self.kind, self.name.as_deref().unwrap_or_default(), &self.body] {
-            // With its length, so that nothing can move from one text into the next.
+            // With its length, so that bytes cannot move from one text into the next unnoticed.
             digest.update(&(text.len() as u64).to_le_bytes());
             digest.update(text.as_bytes());
         }
         digest.finalize()
     }
 
-    /// This row if `crc` is its own; nothing: it is damaged.
+    /// This row if `crc` matches; `None` if it is damaged.
     #[must_use]
     pub fn checked(self, table: Table, crc: u32) -> Option<Self> {
         (self.crc(table) == crc).then_some(self)
     }
 
-    /// A row of `kind` about `name`. Its number is given when it is put into its table.
+    /// A row of `kind` about `name`. It is numbered when it is put into its table.
     #[must_use]
     pub fn new(at: WallTime, kind: &str, name: Option<&str>, body: &Value) -> Self {
         Self { number: 0, at, kind: kind.to_owned(), name: name.map(str::to_owned), body: body.to_string() }
     }
 }
 
-/// The CRC over what is remembered of the drive called `name`.
+/// The CRC over the remembered state of the drive called `name`.
 #[must_use]
 pub fn memory_crc(name: &str, body: &str) -> u32 {
     let mut digest = CRC.digest();
     digest.update(name.as_bytes());
-    // No name holds it.
+    // A separator that no name contains.
     digest.update(&[0]);
     digest.update(body.as_bytes());
     digest.finalize()
 }
 
-/// A drive has come or gone; nothing while that is not known.
+/// A drive went online or offline; `None` while that is not known.
 #[must_use]
 pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {
     let word = match presence {
@@ -101,7 +101,7 @@ pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {
     Some(Row::new(at, "drive", Some(drive), &json!({ "state": word })))
 }
 
-/// A line can be used, or not any more, and why.
+/// A line went up or down, and why.
 #[must_use]
 pub fn line(at: WallTime, line: &str, state: LineState, fault: Option<LineFault>) -> Row {
     let body = match state {
@@ -119,19 +119,19 @@ pub fn started(at: WallTime, version: &str, configuration: &str, has_changed: bo
     Row::new(at, "gateway", None, &body)
 }
 
-/// The gateway ends on purpose.
+/// The gateway exits on purpose.
 #[must_use]
 pub fn ended(at: WallTime) -> Row {
     Row::new(at, "gateway", None, &json!({ "state": "ended" }))
 }
 
-/// The journal begins anew, and why; the file that was there may be kept elsewhere.
+/// The journal was recreated, and why; the old file may have been kept under another name.
 #[must_use]
 pub fn begun_anew(at: WallTime, reason: &str, kept_as: Option<&str>) -> Row {
     Row::new(at, "journal", None, &json!({ "state": "begun_anew", "reason": reason, "kept_as": kept_as }))
 }
 
-/// Rows that could not be kept while the journal was broken.
+/// Number of rows that could not be stored while the journal was broken.
 #[must_use]
 pub fn lost(at: WallTime, rows: u64) -> Row {
     Row::new(at, "journal", None, &json!({ "state": "lost", "rows": rows }))
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn what_is_kept_stays_readable() {
-        // Typed here: a CRC that is computed otherwise makes every old row look damaged.
+        // Literals: a change of the CRC computation would make every old row look damaged.
         assert_eq!(row().crc(Table::Audit), 0x9EE8_53AD);
         assert_eq!(memory_crc("pump-1", "{}"), 0x80E0_B1A6);
     }

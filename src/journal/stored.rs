@@ -1,14 +1,14 @@
-//! A trip event as it is kept: what is published of it, once, and its number.
+//! A stored trip event: its published body and its number.
 
 use crate::domain::ids::Name;
 
-/// A trip, or its clearing, that is kept.
+/// A stored trip, or its clearing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoredEvent {
-    /// Its number; it rises for ever and is never used twice.
+    /// Its number; it only rises and is never reused.
     pub seq: u64,
     /// The drive.
     pub drive: Name,
-    /// What is published of it: a JSON object.
+    /// The published body: a JSON object.
     pub body: String,
 }

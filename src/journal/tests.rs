@@ -83,7 +83,7 @@ impl Rig {
         self.book.written();
     }
 
-    /// What was tried, what became of it, and how often.
+    /// What was tried, the outcome, and the count.
     fn shown(&self) -> Vec<(String, Option<Outcome>, u64)> {
         self.rows.values().map(|it| (it.tried.clone(), it.report.map(|it| it.outcome), it.count)).collect()
     }
@@ -104,7 +104,7 @@ fn an_attempt_is_one_row_whether_its_end_comes_before_or_after_the_first_write()
         }
         let report = Report::new(Outcome::Confirmed, Reason::None);
         rig.tell(5, Entry::Ended { attempt: AttemptId(1), report });
-        // Told twice by mistake, or never begun: nothing to say about it.
+        // Reported twice by mistake, or never begun: ignored.
         rig.tell(6, Entry::Ended { attempt: AttemptId(1), report });
         rig.tell(6, Entry::Ended { attempt: AttemptId(2), report });
         rig.write();
@@ -265,10 +265,10 @@ fn a_trip_is_worded_once_and_changes_what_is_remembered() {
 }
 
 #[test]
-fn what_nobody_commanded_and_who_came_and_went_are_rows_too() {
+fn uncommanded_actions_and_availability_are_rows_too() {
     let mut rig = Rig::default();
-    let (owner, action) = (Some(Owner::Mqtt), FailSafe::Stop);
-    rig.tell(0, Entry::FailSafe { owner, action, cause: Cause::CommanderLost });
+    let owner = Some(Owner::Mqtt);
+    rig.tell(0, Entry::FailSafe { owner, action: FailSafe::Stop, cause: Cause::CommanderLost });
     rig.tell(0, Entry::StopPending { coast: false });
     rig.tell(0, Entry::StopOver { is_effective: false });
     rig.tell(0, Entry::Presence(Presence::Offline));
@@ -299,7 +299,7 @@ fn what_is_not_needed_is_forgotten_unless_something_new_comes() {
 }
 
 #[test]
-fn how_control_changes_hands_is_told_in_rows() {
+fn changes_of_control_are_rows() {
     let mut rig = Rig::default();
     let by = |name: &str| Some(Owner::MqttBy(CommanderName::new(name).unwrap()));
     for owner in [by("a"), by("a"), by("b"), None, None, by("a")] {

@@ -1,4 +1,4 @@
-//! Trips in words: what is published of an event, and what a record says by the names of its registers.
+//! Trips as JSON: the published body of an event, and a record by the names of its registers.
 
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 /// How a moment is written.
 type Label<'l> = dyn Fn(MonoTime) -> String + 'l;
 
-/// What is published of `event`, without its number.
+/// The published body of `event`, without its number.
 #[must_use]
 pub fn event(drive: &DriveDescription, label: &Label<'_>, event: &TripEvent) -> Map<String, Value> {
     let mut body = Map::new();
@@ -21,7 +21,7 @@ pub fn event(drive: &DriveDescription, label: &Label<'_>, event: &TripEvent) -> 
     }
     say("kind", kind(&event.kind).into());
     say("drive", drive.name.as_str().into());
-    // Not the record's own: the moment of the event is the one by which it is told apart.
+    // Not the record's own time: the time of the event identifies it.
     say("at", label(event.at).into());
     say("count", event.count.into());
     say("while_away", event.while_away.into());
@@ -37,7 +37,7 @@ pub const fn kind(kind: &TripEventKind) -> &'static str {
     }
 }
 
-/// What a trip record says, by the names of its registers.
+/// A trip record, by the names of its registers.
 #[must_use]
 pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) -> Map<String, Value> {
     let value = |(address, word): &(u16, u16)| match drive.model.register_at(*address) {
@@ -56,7 +56,7 @@ pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) 
     .collect()
 }
 
-/// The vendor's words for trip `code`, marked where they are a hint only; nothing for 0, which is no trip.
+/// The vendor's text for trip `code`, marked if it is unproven; `None` for 0, which is no trip.
 #[must_use]
 pub fn text(drive: &DriveDescription, code: u16) -> Option<String> {
     match drive.model.trip_text(code) {
@@ -67,7 +67,7 @@ pub fn text(drive: &DriveDescription, code: u16) -> Option<String> {
     }
 }
 
-/// The symbol of a register's unit, if it has one.
+/// The symbol of a register's unit; `None` if it has none.
 #[must_use]
 pub fn unit(register: &Register) -> Option<&'static str> {
     Some(register.unit.symbol()).filter(|symbol| *symbol != "-")

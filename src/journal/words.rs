@@ -1,14 +1,14 @@
-//! Orders, owners and drives' memories as text, for people and for JSON.
+//! Orders and owners as text, for people and for JSON.
 
 use super::entry::Tried;
 use crate::domain::command::{Direction, Go, Order, Owner};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::CommanderName;
 
-/// Most characters of a text that was not understood.
+/// Maximum number of characters of unparsable input.
 const TEXT_CHARS_MAX: usize = 200;
 
-/// What somebody tried to write, in words: `30.00 Hz, run forward`, `0x000C = 100`.
+/// What a client tried to write, in words: `30.00 Hz, run forward`, `0x000C = 100`.
 #[must_use]
 pub fn tried(tried: &Tried) -> String {
     match tried {
@@ -59,20 +59,20 @@ fn joined(parts: impl Iterator<Item = String>) -> String {
     parts.collect::<Vec<_>>().join(", ")
 }
 
-/// Whether it takes energy off the motor: such an attempt has room of its own.
+/// Whether it removes energy from the motor: such attempts have reserved room.
 #[must_use]
 pub const fn is_stop(tried: &Tried) -> bool {
     matches!(tried, Tried::Order(order) if order.is_stop())
 }
 
-/// Whether it is a setpoint and nothing else: controllers send one after the other.
+/// Whether it is only a setpoint: controllers send one after the other.
 #[must_use]
 pub fn is_setpoint(tried: &Tried) -> bool {
     let Tried::Order(Order::Go(go)) = tried else { return false };
     go.registers().is_empty() && go.frequency().is_some() && go.run().is_none()
 }
 
-/// The owner that is written as `text`; nothing if none is.
+/// Parses an owner; `None` if `text` is not one.
 #[must_use]
 pub fn owner(text: &str) -> Option<Owner> {
     match text.split_once(' ') {
