@@ -1,4 +1,4 @@
-//! A client asks: the request is cut into frames that the model allows, or reviewed as a write.
+//! Requests from clients: reads are split into frames that the model allows, writes are reviewed.
 
 use super::core::LineCore;
 use super::drive::DriveOnLine;
@@ -29,7 +29,7 @@ impl LineCore {
         }
     }
 
-    /// Somebody commands in the gateway's own words.
+    /// A client gives a command.
     pub(super) fn on_command(&mut self, now: MonoTime, command: &CommandRequest) {
         let CommandRequest { asker, ticket, drive, .. } = *command;
         self.command(now, command, Waiter::of_command(asker, ticket, drive));
@@ -37,7 +37,8 @@ impl LineCore {
 
     fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter) {
         let Some(drive) = self.drives.get(command.drive) else {
-            let (report, tried) = (Report::refused(Reason::UnknownDrive), Tried::Order(command.order.clone()));
+            let report = Report::refused(Reason::UnknownDrive);
+            let tried = Tried::Order(command.order.clone());
             self.effects.attempt_ended(command.drive, command.origin.owner, tried, report);
             self.effects.tell(&mut waiter, report, true);
             return;
@@ -73,7 +74,7 @@ impl LineCore {
         Ok(())
     }
 
-    /// A loop test goes to the drive if it serves one.
+    /// A loop test is sent to the drive if it serves function 08.
     fn take_loop(&mut self, now: MonoTime, request: &NativeRequest, data: u16) -> Result<(), NativeOutcome> {
         let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
             return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
@@ -98,7 +99,7 @@ impl LineCore {
         }
     }
 
-    /// A write to the drive's own registers is an order like any other.
+    /// A write to the drive's own registers is reviewed like any order.
     fn take_write(
         &mut self,
         now: MonoTime,
@@ -124,7 +125,7 @@ impl LineCore {
         decode::order(&setup.model, address, values)
     }
 
-    /// Whether a read of `drive` may wait now: the line is up, there is room, and the drive is not silent.
+    /// Whether a read of `drive` may be queued: the line is up, there is room, and the drive is not silent.
     fn may_wait(&self, now: MonoTime, drive: DriveIndex) -> Result<(), NativeOutcome> {
         if !self.takes_requests() {
             return Err(refused(Refusal::LineDown));
@@ -138,7 +139,7 @@ impl LineCore {
         Ok(())
     }
 
-    /// Takes back a request that did not fit whole.
+    /// Removes the queued frames of a request that did not fit completely.
     fn give_back(&mut self, waiter: WaiterId) -> Result<(), NativeOutcome> {
         self.natives.end(waiter, NativeOutcome::Expired);
         self.drop_unwanted();
@@ -150,7 +151,7 @@ fn refused(refusal: Refusal) -> NativeOutcome {
     NativeOutcome::Refused(refusal)
 }
 
-/// Cuts a read into frames within the model's limit and group boundaries; nothing if it needs too many.
+/// Splits a read into frames within the model's limit and group boundaries; `None` if it needs too many.
 fn frames_of(model: &Model, mut address: u16, mut count: u16) -> Option<Vec<(u16, u16)>> {
     let mut frames = Vec::with_capacity(1);
     while count > 0 {

@@ -1,4 +1,4 @@
-//! Exchanges that settle whether a late reply can still come, for drives whose work is held up by that.
+//! Exchanges that rule out late replies, for drives whose work waits because of them.
 
 use super::core::{LineCore, Purpose};
 use super::decide::{Picked, is_stop, poll_request};
@@ -11,14 +11,14 @@ use crate::wire::pdu::Request;
 use std::time::Duration;
 
 impl LineCore {
-    /// The drive at `drive` is known to hear nothing until `until`: only stops go to it, and its silence tells nothing.
+    /// The drive at `drive` ignores requests until `until`: only stops are sent to it, and its silence means nothing.
     pub fn rest(&mut self, drive: DriveIndex, until: MonoTime) {
         if let Some(drive) = self.drives.get_mut(drive) {
             drive.station.rest_until(until);
         }
     }
 
-    /// A barrier for a drive whose waiting work cannot go before that is settled.
+    /// A barrier for a drive whose waiting work cannot be sent before late replies are ruled out.
     pub(super) fn pick_barrier(&self, now: MonoTime) -> Option<(DriveIndex, Request)> {
         self.drives.iter().find_map(|drive| {
             let station = &drive.station;
@@ -30,7 +30,7 @@ impl LineCore {
         })
     }
 
-    /// A barrier that is tried for the first time, on a drive that has answered for `patience`.
+    /// A barrier to try for the first time, on a drive that has answered for `patience`.
     pub(super) fn pick_trial(&mut self, now: MonoTime, patience: Duration) -> Option<Picked> {
         let (drive, place, request) = self.drives.iter().find_map(|drive| {
             let (place, request, since) = self.trial(drive)?;
@@ -41,12 +41,12 @@ impl LineCore {
         Some((drive, request, Purpose::Trial(place)))
     }
 
-    /// From when a barrier of `drive` may be tried, if one has to be: its answer shall be in no doubt.
+    /// When a barrier of `drive` may be tried, if one is untried: its reply must be beyond doubt.
     pub(super) fn trial_at(&self, drive: &DriveOnLine) -> Option<MonoTime> {
         self.trial(drive).map(|_| drive.station.clean_at().max(drive.station.may_be_asked_from()))
     }
 
-    /// From when `request` may go to `drive`, or a barrier that clears its way.
+    /// When `request`, or a barrier that makes it possible, may be sent to `drive`.
     pub(super) fn free_at(&self, drive: &DriveOnLine, request: &Request) -> MonoTime {
         let station = &drive.station;
         let unmistakable = station.unmistakable_at(request);
@@ -57,7 +57,7 @@ impl LineCore {
         barrier.map_or(unmistakable, |barrier| unmistakable.min(barrier)).max(station.may_be_asked_from())
     }
 
-    /// Whether work waits for `drive` and none of it may go because of replies that may come late.
+    /// Whether work waits for `drive` and all of it is held up by replies that may arrive late.
     fn is_held_up(&self, now: MonoTime, drive: &DriveOnLine) -> bool {
         let mut waits = false;
         for request in self.waiting_requests(now, drive) {

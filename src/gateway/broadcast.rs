@@ -1,5 +1,5 @@
-//! One frame that stops every drive of a line, sent where all of them are to be stopped anyway. It confirms nothing: each
-//! drive gets its own stop behind it and is looked at.
+//! One frame that stops every drive of a line, sent if all of them are to be stopped anyway. It confirms nothing: each
+//! drive is then sent its own stop and read back.
 
 use super::core::LineCore;
 use super::setup::LineSetup;
@@ -10,8 +10,8 @@ use crate::line::budget::BROADCAST_TURNAROUND;
 use crate::profile::model::Broadcast;
 use crate::wire::pdu::{Request, function};
 
-/// The station that stops all drives of a line: documented for their model, which must be the same for all, and each
-/// must be under control. Nothing where one of that is missing, or where there is only one drive.
+/// The broadcast station that stops all drives of a line: it must be documented for their model, which must be the same
+/// for all, and each must have a control section. `None` otherwise, or if there is only one drive.
 pub(super) fn station_for_all(setup: &LineSetup) -> Option<u8> {
     let (first, others) = setup.drives.split_first()?;
     let Broadcast { station, functions } = first.model.link.broadcast.as_ref()?;
@@ -21,11 +21,11 @@ pub(super) fn station_for_all(setup: &LineSetup) -> Option<u8> {
     (is_sure && are_alike && are_controlled && !others.is_empty()).then_some(station.value)
 }
 
-/// So many drives have to be sent their first stop: a single one is sent its own.
+/// Minimum number of drives that wait for their first stop: a single one is sent its own.
 const MANY: usize = 2;
 
 impl LineCore {
-    /// Sends the stop that every drive of the line waits for as one frame, if there is such a stop. Whether it did.
+    /// Sends the stop that every drive of the line waits for as one frame, if there is such a stop. Returns whether it did.
     pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
         let Some((station, request)) = self.common_stop(now) else { return false };
         self.measured.sent(now.since(self.wire.may_send_from()));
@@ -42,8 +42,8 @@ impl LineCore {
         true
     }
 
-    /// The stop that every drive waits for and that is the same for all, if several of them were never sent it. One that
-    /// was sent and has shown no effect so far is repeated anyway.
+    /// The stop that every drive waits for, if it is the same for all and several of them were never sent it. One that
+    /// was sent without effect so far is repeated anyway.
     fn common_stop(&self, now: MonoTime) -> Option<(u8, Request)> {
         let station = self.all_stop_at?;
         let unsent = self.drives.works().filter_map(DriveWork::unsent_stop);

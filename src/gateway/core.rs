@@ -1,4 +1,4 @@
-//! The state of one line and the one door through which events come in.
+//! The state of one line and its single entry point for events.
 
 use super::broadcast;
 use super::drive::{DriveOnLine, Drives};
@@ -23,35 +23,35 @@ use crate::line::timing::Timing;
 use crate::line::transaction::Wire;
 use std::sync::Arc;
 
-/// The state machine of one line with its drives. It does no IO, has no clock and no task of its own: whoever drives it calls
-/// its methods, which are of these kinds.
+/// The state machine of one line with its drives. It does no I/O and has no clock and no task of its own; the caller
+/// drives it through these methods.
 ///
 /// * **Input**: [`handle`](Self::handle) takes one event and the moment at which it happened. Moments never go back. Every
-///   input except [`Input::Time`] is only noted and answered; [`Input::Time`] decides what is sent and what has expired.
-/// * **Output**: [`next_effect`](Self::next_effect) returns what has to be done, in the order in which it has to be done.
-///   [`changed_views`](Self::changed_views) and [`next_station`](Self::next_station) return what has to be published.
-/// * **Time**: [`next_wake`](Self::next_wake) is the moment at which [`Input::Time`] is due, if no event comes before.
-/// * **Questions**: all methods on `&self` only read, and may be called at any time.
+///   input except [`Input::Time`] is only noted and answered; [`Input::Time`] decides what to send and what has expired.
+/// * **Output**: [`next_effect`](Self::next_effect) returns what to do, in order.
+///   [`changed_views`](Self::changed_views) and [`next_station`](Self::next_station) return what to publish.
+/// * **Time**: [`next_wake`](Self::next_wake) is the moment at which [`Input::Time`] is due, if no event arrives earlier.
+/// * **Queries**: all methods on `&self` only read, and may be called at any time.
 ///
 /// Each round calls them in this order:
 ///
 /// 1. `handle` with every event that has happened since the last round, then once with [`Input::Time`];
-/// 2. `next_effect` until it returns `None`, carrying out the effects in that order;
+/// 2. `next_effect` until it returns `None`, executing the effects in that order;
 /// 3. the changed views;
-/// 4. `next_wake`: sleep until then, or until an event comes.
+/// 4. `next_wake`: sleep until then, or until an event arrives.
 ///
 /// To leave a line: [`Input::Leave`] or [`Input::Shutdown`], rounds as before until [`is_at_rest`](Self::is_at_rest) or the
-/// time allowed has passed, then [`end_attempts`](Self::end_attempts) and the effects that are left.
+/// time allowed has passed, then [`end_attempts`](Self::end_attempts) and the remaining effects.
 #[derive(Debug)]
 pub struct LineCore {
     pub(super) timing: Timing,
     pub(super) echo_policy: EchoPolicy,
     pub(super) tells_traffic: bool,
-    /// Its drives may have been asked something just before the line was opened.
+    /// Its drives may have been sent a request just before the line was opened.
     pub(super) asked_before: bool,
     pub(super) drives: Drives,
     pub(super) state: LineState,
-    /// Whether there is a port to send to, whatever state the line is shown in.
+    /// Whether there is a port to send to, whatever the reported state of the line.
     pub(super) is_open: bool,
     pub(super) wire: Wire,
     pub(super) nonces: Nonces,
@@ -60,15 +60,15 @@ pub struct LineCore {
     pub(super) schedule: Schedule,
     pub(super) natives: Natives,
     pub(super) flight: Option<Flight>,
-    /// The drive for which a wait was just ended because others are to be stopped: their stops go before its own.
+    /// The drive whose wait was just cut short because others are to be stopped: their stops are sent before its own.
     pub(super) cut_short: Option<DriveIndex>,
-    /// Native reads and polls take turns: whether it is the polls' turn.
+    /// Native reads and polls alternate: whether it is the polls' turn.
     pub(super) polls_turn: bool,
-    /// Polls in a row that had grown too old to wait.
+    /// Consecutive polls that were overdue.
     pub(super) aged_polls: u8,
-    /// A command was begun and others have had no exchange since: they have one before the next is begun, if they wait.
+    /// A command has begun and nothing else has had an exchange since: if others wait, they get one before the next begins.
     pub(super) others_turn: bool,
-    /// The station that stops all drives, where the line has one.
+    /// The station that stops all drives, if the line has one.
     pub(super) all_stop_at: Option<u8>,
     stop: StopBounds,
     planned_use_per_mille: u32,
@@ -76,54 +76,54 @@ pub struct LineCore {
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
     pub(super) counters: LineCounters,
-    /// What was heard last that has been told already, because a frame of ours went out behind it.
+    /// The last data received that is already reported, because a frame of ours was sent after it.
     pub(super) told_ahead: usize,
     pub(super) effects: Outbox,
 }
 
-/// What the exchange on the wire was sent for.
+/// The exchange on the wire.
 #[derive(Debug)]
 pub(super) struct Flight {
     pub(super) drive: DriveIndex,
     pub(super) purpose: Purpose,
-    /// A late reply could be taken for the answer to it.
+    /// A late reply could be mistaken for its reply.
     pub(super) doubt: bool,
-    /// A reply that repeats it may be no more than its echo.
+    /// A reply that repeats it may be a mere echo.
     pub(super) proves_nothing: bool,
-    /// The drive was known to be silent: its silence tells nothing about the line.
+    /// The drive was known to be silent: its silence says nothing about the line.
     pub(super) was_silent: bool,
     pub(super) sent_at: MonoTime,
     /// When the last character of the request has left.
     pub(super) request_end: MonoTime,
-    /// From then on a stop for another drive ends the wait, if nothing was heard; nothing: too little is known.
+    /// From then on a stop for another drive ends the wait, if nothing was received. `None`: too few replies are known.
     pub(super) overdue_at: Option<MonoTime>,
     /// That moment has passed.
     pub(super) is_overdue: bool,
-    /// Before its reply a frame of the station came that nothing explains: what comes as the reply may be another one, too.
+    /// An unexplained frame of the station preceded its reply: the apparent reply may be another such frame.
     pub(super) is_spoilt: bool,
-    /// Bytes that came before its reply and make no frame.
+    /// Bytes before its reply that form no frame.
     pub(super) noise: usize,
 }
 
 /// Why an exchange was sent.
 #[derive(Debug)]
 pub(super) enum Purpose {
-    /// Clients asked.
+    /// A request of clients.
     Read(ReadJob),
-    /// The drive's own work: stops, commands, what has to be looked at.
+    /// The drive's own work: stops, commands, read-backs.
     Work(Rank),
     /// A poll.
     Poll,
-    /// Only to prove that no late reply can follow.
+    /// To rule out late replies.
     Barrier,
-    /// Only to see whether the line sends back what is sent.
+    /// To find out whether the line echoes.
     Probe,
-    /// Only to see whether the barrier at this place of the model's can be relied on.
+    /// To find out whether the barrier at this index of the model is reliable.
     Trial(usize),
 }
 
 impl LineCore {
-    /// A line whose port is not open yet.
+    /// Creates a line whose port is not open yet.
     #[must_use]
     pub fn new(setup: LineSetup, now: MonoTime) -> Self {
         let budget = setup.budget();
@@ -168,7 +168,7 @@ impl LineCore {
         }
     }
 
-    /// Takes an event that happened at `now`. Moments never go back.
+    /// Handles an event that happened at `now`. Moments never go back.
     pub fn handle(&mut self, now: MonoTime, input: Input<'_>) {
         self.effects.set_time(now);
         match input {
@@ -200,12 +200,12 @@ impl LineCore {
         }
     }
 
-    /// The next thing that should be done, in order.
+    /// The next effect to execute, in order.
     pub fn next_effect(&mut self) -> Option<Effect> {
         self.effects.pop_front()
     }
 
-    /// When the line wants to be given the time again.
+    /// When [`Input::Time`] is due next.
     #[must_use]
     pub fn next_wake(&self) -> Option<Wake> {
         let deadline = self.natives.next_deadline().map(|at| Wake { at, reason: WakeReason::RequestDeadline });
@@ -221,7 +221,7 @@ impl LineCore {
     }
 
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
-    /// what happens until then. A stop can where a reply is overdue.
+    /// what happens until then. A stop can, if a reply is overdue.
     #[must_use]
     pub fn is_occupied(&self) -> bool {
         if self.wire.is_busy() {
@@ -258,7 +258,7 @@ impl LineCore {
         LineWaiting { requests: self.natives.len(), commands, stops }
     }
 
-    /// The pictures that have changed since this was asked last.
+    /// The views that have changed since the last call.
     pub fn changed_views(&mut self) -> impl Iterator<Item = (DriveIndex, Arc<DriveView>)> + '_ {
         let state = self.state;
         self.drives.iter_mut().filter_map(move |drive| {
@@ -267,36 +267,36 @@ impl LineCore {
         })
     }
 
-    /// The present picture of the drive at `index`.
+    /// The current view of the drive at `index`.
     #[must_use]
     pub fn view(&self, index: DriveIndex) -> Option<DriveView> {
         self.drives.get(index).map(|drive| drive.view(self.state))
     }
 
-    /// Whether no stop is on its way, that of a reset included: the line may be left.
+    /// Whether no stop is in progress, including that of a reset: the line may be left.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         !self.drives.works().any(DriveWork::must_go_on)
     }
 
-    /// The line is left at `now`: whatever has no end yet gets one. A stop that is pending stays so.
+    /// Leaves the line at `now`: every open attempt gets an outcome. A pending stop stays pending.
     pub fn end_attempts(&mut self, now: MonoTime) {
         self.effects.set_time(now);
         self.drives.works_mut().for_each(|work| work.end_attempts(&mut self.effects));
     }
 
-    /// Whether a stop waits that was never sent.
+    /// Whether a stop waits that has never been sent.
     #[must_use]
     pub fn has_unsent_stop(&self) -> bool {
         self.drives.works().any(DriveWork::has_new_stop)
     }
 
-    /// The drives that may be commanded and run, are under control, or have to be stopped still.
+    /// The drives that may be commanded and that run, are under control, or still have to be stopped.
     pub fn in_use(&self) -> impl Iterator<Item = DriveIndex> + '_ {
         self.drives.iter().filter(|drive| drive.work.is_in_use()).map(|drive| drive.index)
     }
 
-    /// The drives that this line has to see to still: a stop on its way, a reset that has begun, control.
+    /// The drives that still need this line: a stop in progress, a reset that has begun, control.
     pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
         self.drives.iter().filter(|drive| drive.work.is_bound()).map(|drive| drive.index)
     }
@@ -305,13 +305,13 @@ impl LineCore {
         self.state == LineState::Down || self.drives.get(drive).is_some_and(DriveOnLine::is_offline)
     }
 
-    /// What is known of the drive at `index`.
+    /// The static description of the drive at `index`.
     #[must_use]
     pub fn snapshot(&self, index: DriveIndex) -> Option<&DriveSnapshot> {
         self.drives.get(index).map(|drive| &drive.snapshot)
     }
 
-    /// Whoever goes takes along what has not begun: reads and commands. A stop stays, and so does what is on the wire.
+    /// A departing client's reads and commands that have not begun are dropped. A stop stays, and so does what is on the wire.
     fn on_asker_gone(&mut self, asker: AskerId) {
         self.natives.forget(asker);
         self.schedule.forget(asker);
@@ -323,7 +323,7 @@ impl LineCore {
 
     fn on_time(&mut self, now: MonoTime) {
         let ended = self.wire.pass(now);
-        // What was heard before a reply may tell what that is worth.
+        // What was received before a reply may show how far to trust it.
         self.tell_heard(now);
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.conclude(now, done);
@@ -349,7 +349,7 @@ impl LineCore {
 
     fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {
         let ended = self.wire.receive(now, bytes);
-        // More bytes may change whether the wait may be cut short for a stop.
+        // More bytes may change whether the wait can be cut short for a stop.
         self.flight.iter_mut().for_each(|flight| flight.is_overdue = false);
         self.tell_heard(now);
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));

@@ -1,4 +1,4 @@
-//! What goes on the wire next, and when there is something to decide again.
+//! What is sent next, and when the next decision is due.
 
 use super::core::{Flight, LineCore, Purpose};
 use super::drive::DriveOnLine;
@@ -14,15 +14,15 @@ use crate::line::schedule::ReadKey;
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
-/// Polls that have grown too old to wait go before native reads at most so often in a row: a plan that fills the line
-/// stretches, and clients keep a share.
+/// Maximum number of consecutive overdue polls that precede native reads: a poll plan that fills the line is stretched,
+/// and clients keep a share.
 const AGED_POLLS_MAX: u8 = 3;
 
-/// What goes on the wire next.
+/// What is sent next.
 pub(super) type Picked = (DriveIndex, Request, Purpose);
 
-/// What is least goes first: by rank, then drives for which no wait was just ended, then those that answer, then those
-/// that move, then in order of time.
+/// The least is sent first: by rank, then drives whose wait was not just cut short, then those that answer, then those
+/// that move, then by time.
 type Urgency = (Rank, bool, bool, bool, MonoTime);
 
 /// A poll that is due.
@@ -34,8 +34,8 @@ struct DuePoll {
 }
 
 impl LineCore {
-    /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line nothing but a
-    /// stop goes, over whoever talks.
+    /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line only stops
+    /// are sent, over the babble.
     pub(super) fn decide(&mut self, now: MonoTime) {
         if !self.is_open || self.wire.is_busy() || now < self.free_from() {
             return;
@@ -46,7 +46,8 @@ impl LineCore {
         let Some((drive, request, purpose)) = self.pick(now) else { return };
         self.cut_short = None;
         let asked = &self.drives[drive];
-        let (station, was_silent) = (asked.setup.station, asked.station.is_known_silent());
+        let station = asked.setup.station;
+        let was_silent = asked.station.is_known_silent();
         let timeout = asked.wait_for(&request, &self.timing);
         let patience = asked.patience(&request, &self.timing);
         let doubt = now < asked.station.unmistakable_at(&request);
@@ -93,8 +94,8 @@ impl LineCore {
         }
     }
 
-    /// What drives want for themselves, barriers, polls that have aged, then native reads and polls in turn. Between the
-    /// beginnings of two commands others have an exchange if they wait.
+    /// The drives' own work, barriers, overdue polls, then native reads and polls alternately. Between the first steps of
+    /// two commands, others get an exchange if they wait.
     fn pick_any(&mut self, now: MonoTime) -> Option<Picked> {
         let last_rank = if self.others_turn { Rank::Trip } else { Rank::Start };
         if let Some(picked) = self.pick_work(now, last_rank) {
@@ -110,7 +111,7 @@ impl LineCore {
         if let Some(picked) = self.pick_trial(now, TRY_PATIENCE) {
             return Some(picked);
         }
-        // The end of the steps of the last command was no turn of others.
+        // The remaining steps of the last command were not a turn of others.
         self.others_turn = false;
         let other = self.pick_other(now).or_else(|| self.pick_work(now, Rank::Start));
         other.or_else(|| self.pick_trial(now, Duration::ZERO))
@@ -140,8 +141,8 @@ impl LineCore {
         Some(self.take_poll(now, poll))
     }
 
-    /// The most urgent wish of any drive up to `last_rank`; drives that answer before silent ones, moving ones before
-    /// those at rest. A stop waits for nothing, everything else for late replies and back-offs.
+    /// The most urgent wish of any drive up to `last_rank`; answering drives before silent ones, moving ones before
+    /// those at rest. A stop waits for nothing; everything else waits for late replies and back-offs.
     fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
@@ -159,7 +160,8 @@ impl LineCore {
     fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
         let mut best: Option<(Urgency, DriveIndex, Want)> = None;
         for drive in self.drives.iter() {
-            let (is_silent, rests) = (drive.station.is_known_silent(), !drive.work.is_moving());
+            let is_silent = drive.station.is_known_silent();
+            let rests = !drive.work.is_moving();
             for want in drive.work.wants() {
                 if want.rank > last_rank || now < drive.wanted_from(&want) || self.needs_probe(&want) {
                     continue;
@@ -180,7 +182,7 @@ impl LineCore {
         Some((job.key.drive, job.key.request(), Purpose::Read(job)))
     }
 
-    /// The most urgent poll that is due; if `aged`, only one that has grown too old to wait for others.
+    /// The most urgent poll that is due; if `aged`, only an overdue one.
     fn due_poll(&self, now: MonoTime, aged: bool) -> Option<DuePoll> {
         let mut best: Option<(PollUrgency, DuePoll)> = None;
         for drive in self.drives.iter() {
@@ -206,12 +208,12 @@ impl LineCore {
         (drive, Request::ReadHolding { address, count }, Purpose::Poll)
     }
 
-    /// From when a frame may go. Over babble no silence is waited for.
+    /// When a frame may be sent. During babble there is no wait for silence.
     fn free_from(&self) -> MonoTime {
         if self.health.is_jammed() { self.wire.held_until() } else { self.wire.may_send_from() }
     }
 
-    /// When the next frame could go, if anything waits or will be due.
+    /// When the next frame could be sent, if anything waits or will be due.
     pub(super) fn work_wake(&self) -> Option<Wake> {
         if !self.is_open {
             return None;
@@ -231,8 +233,8 @@ impl LineCore {
         })
     }
 
-    /// When the next frame may go: what waits, as soon as its station is asked again and its answer cannot be
-    /// mistaken or a barrier can settle that.
+    /// When the next frame may be sent: waiting work as soon as its station's back-off is over and its reply is
+    /// unambiguous, or a barrier can make it so.
     pub(super) fn work_at(&self) -> Option<MonoTime> {
         if self.health.trouble == Some(LineFault::Echo) {
             return self.wanted_at(Rank::Look).into_iter().chain([self.health.probe_at]).min();

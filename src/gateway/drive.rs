@@ -24,14 +24,14 @@ use crate::wire::pdu::Request;
 use std::ops::{Index, IndexMut};
 use std::time::Duration;
 
-/// One drive on its line: what it is, what the line knows of it, and what it has to do.
+/// One drive on its line: its setup, what the line knows of it, and its pending work.
 #[derive(Debug)]
 pub(super) struct DriveOnLine {
     pub(super) index: DriveIndex,
     pub(super) setup: DriveSetup,
-    /// Replies that may still come late, and how long it has been silent.
+    /// Replies that may still arrive late, and how long it has been silent.
     pub(super) station: StationState,
-    /// Requests that prove that no late reply can follow.
+    /// Requests that rule out late replies.
     pub(super) barriers: Barriers,
     pub(super) plan: PollPlan,
     pub(super) snapshot: DriveSnapshot,
@@ -43,7 +43,8 @@ pub(super) struct DriveOnLine {
 impl DriveOnLine {
     fn new(index: u16, line: &LineSetup, setup: &DriveSetup, budget: &Budget, now: MonoTime) -> Self {
         let drives = u32::try_from(line.drives.len()).unwrap_or(u32::MAX);
-        let (place, pace) = (usize::from(index), Pace::new(setup.poll, budget.stretch));
+        let place = usize::from(index);
+        let pace = Pace::new(setup.poll, budget.stretch);
         let work = DriveWork::new(DriveIndex(index), &setup.model, setup.control.clone(), line.first_epoch, now);
         Self {
             index: DriveIndex(index),
@@ -57,12 +58,12 @@ impl DriveOnLine {
         }
     }
 
-    /// Whether it is known not to answer.
+    /// Whether it is known to be silent.
     pub(super) fn is_offline(&self) -> bool {
         self.snapshot.presence == Presence::Offline
     }
 
-    /// Its present picture on a line in this state.
+    /// Its current view on a line in this state.
     pub(super) fn view(&self, line: LineState) -> DriveView {
         let work = &self.work;
         DriveView {
@@ -85,19 +86,19 @@ impl DriveOnLine {
         self.work.mark_changed();
     }
 
-    /// What was asked last before the line was opened at `now` may be any request that it serves.
+    /// The last request before the line was opened at `now` may be any that the drive serves.
     pub(super) fn asked_before(&mut self, now: MonoTime) {
         let timeouts = &self.setup.timeouts;
         let longest = timeouts.read.max(timeouts.write).max(timeouts.stored_write);
         self.station.asked_before(now + longest + self.setup.max_lateness);
     }
 
-    /// From when a wish of its work may be granted, as far as the drive is concerned.
+    /// When a wish of its work may be granted, as far as the drive is concerned.
     pub(super) fn wanted_from(&self, want: &Want) -> MonoTime {
         let station = &self.station;
         match want.rank {
             Rank::FirstStop | Rank::RepeatedStop => want.at,
-            // A look has a rhythm of its own: a stop waits behind it.
+            // A read-back has a rhythm of its own: a stop waits for it.
             Rank::Look => want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request)),
             rank if self.is_withheld(rank) => MonoTime::NEVER,
             Rank::Step | Rank::Trip | Rank::Start => {
@@ -106,21 +107,22 @@ impl DriveOnLine {
         }
     }
 
-    /// No trip is read from a station whose replies may be another drive's: nothing of that would be believed.
+    /// No trip is read from a station whose replies may be another drive's: it would not be trusted.
     pub(super) fn is_withheld(&self, rank: Rank) -> bool {
         rank == Rank::Trip && self.station.is_doubtful()
     }
 
-    /// Whether `request` may go to it now: it is not left alone, and no late reply can be taken for the answer.
+    /// Whether `request` may be sent to it now: it is not in a pause, and no late reply can be mistaken for the reply.
     pub(super) fn may_be_asked(&self, now: MonoTime, request: &Request) -> bool {
         now >= self.station.may_be_asked_from() && now >= self.station.unmistakable_at(request)
     }
 
-    /// Longest wait for the start of its reply to `request`, and for what its characters take longer than ours. After a
-    /// silence it is the full one: a drive that has become slower is not given up for that.
+    /// Maximum wait for the start of its reply to `request`, and the extra time of its longer characters. After a silence
+    /// the full wait applies: a drive that has become slower is not given up for that.
     pub(super) fn wait_for(&self, request: &Request, line: &Timing) -> Duration {
         let Self { setup, station, .. } = self;
-        let (class, timing) = (Class::of(request, &setup.model), &setup.model.timing);
+        let class = Class::of(request, &setup.model);
+        let timing = &setup.model.timing;
         let learned = self.measured.reply_times.wait(class);
         let wait = if station.is_known_silent() {
             setup.timeouts.probe(class, timing, learned)
@@ -132,22 +134,22 @@ impl DriveOnLine {
         wait + setup.reply_time(request, line).1
     }
 
-    /// The same with nothing learned: what late replies are declared against.
+    /// The same before anything is learned: the base for declared lateness.
     pub(super) fn full_wait(&self, request: &Request, line: &Timing) -> Duration {
         let wait = self.setup.timeouts.of(Class::of(request, &self.setup.model));
         wait + self.setup.reply_time(request, line).1
     }
 
-    /// How long after the end of `request` nobody who needs a stop has to wait any more, if nothing was heard: every
-    /// reply that was seen would have come by then, also where an adapter hands it over only as a whole. Nothing while
+    /// How long after the end of `request` a stop for another drive need not wait any more, if nothing was received: every
+    /// reply seen so far would have arrived by then, even through an adapter that delivers it only as a whole. `None` while
     /// too few were seen.
     pub(super) fn patience(&self, request: &Request, line: &Timing) -> Option<Duration> {
         let worst = self.measured.reply_times.worst(Class::of(request, &self.setup.model))?;
         Some(worst + self.setup.reply_time(request, line).0 + line.silence)
     }
 
-    /// Until when the reply to `request`, which was given up at `now`, may still come. The lateness is declared against the
-    /// full wait, however short this one was.
+    /// Until when the reply to `request`, given up at `now`, may still arrive. The lateness is relative to the full wait,
+    /// however short this one was.
     pub(super) fn may_come_until(
         &self,
         now: MonoTime,
@@ -160,7 +162,7 @@ impl DriveOnLine {
         now.max(due) + self.station.lateness(self.setup.max_lateness)
     }
 
-    /// The plan learns which registers the drive answers for.
+    /// Lets the plan learn which registers the drive answers for.
     pub(super) fn tell_plan(&mut self, now: MonoTime, request: &Request, ending: &Ending) {
         let (address, count) = match request {
             Request::ReadHolding { address, count } => (*address, *count),
@@ -175,7 +177,7 @@ impl DriveOnLine {
         }
     }
 
-    /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
+    /// Words read from the drive: the snapshot takes the polled ones, the drive's own work the rest.
     pub(super) fn take_words(&mut self, now: MonoTime, read_at: MonoTime, read: (u16, &[u16]), effects: &mut Outbox) {
         let (address, words) = read;
         for (address, word) in (address..=u16::MAX).zip(words) {
@@ -185,7 +187,7 @@ impl DriveOnLine {
                 {
                     self.measured.aged(now.since(last.at), now);
                 }
-                // A reply that had to wait for the silence behind it is as old as its last byte.
+                // A reply that had to wait for the silence after it is as old as its last byte.
                 self.snapshot.take(address, &[*word], read_at);
             }
         }
@@ -193,7 +195,7 @@ impl DriveOnLine {
         self.work.take_words(address, words, reading, now, effects);
     }
 
-    /// The exchange had no good answer: a late one may follow, and a silent drive is asked less and less often.
+    /// The exchange failed: a late reply may follow, and a silent drive is asked less and less often.
     pub(super) fn was_not_answered(&mut self, now: MonoTime, fault: Fault, missing: impl FnOnce() -> Missing) {
         let what = consequence(fault);
         let station = &mut self.station;
@@ -205,8 +207,8 @@ impl DriveOnLine {
         }
     }
 
-    /// The drive answered. That settles what was missing, unless a missing reply could have been taken for this one:
-    /// then the right one is `still_missing`.
+    /// The drive answered. That settles missing replies, unless one of them could be mistaken for this reply: then
+    /// the actual reply is `still_missing`.
     pub(super) fn answered(&mut self, now: MonoTime, still_missing: Option<Missing>) {
         let station = &mut self.station;
         if let Some(missing) = still_missing {
@@ -218,7 +220,7 @@ impl DriveOnLine {
         self.barriers.answered(now);
     }
 
-    /// The drive was asked whether a barrier can be relied on.
+    /// A barrier of the drive was tried.
     pub(super) fn trial_ended(&mut self, place: usize, request: &Request, ending: &Ending) {
         let barriers = &mut self.barriers;
         match (request, ending) {
@@ -249,7 +251,7 @@ impl DriveOnLine {
 pub(super) struct Drives(Vec<DriveOnLine>);
 
 impl Drives {
-    /// The drives of `line`, of which nothing is known at `now`.
+    /// The drives of `line`, with nothing known about them at `now`.
     pub(super) fn new(line: &LineSetup, budget: &Budget, now: MonoTime) -> Self {
         let drive = |(index, setup)| DriveOnLine::new(index, line, setup, budget, now);
         Self((0..).zip(&line.drives).map(drive).collect())
@@ -264,7 +266,7 @@ impl Drives {
         self.0.get(index.get())
     }
 
-    /// The same, to change it.
+    /// Mutable access to the same.
     pub(super) fn get_mut(&mut self, index: DriveIndex) -> Option<&mut DriveOnLine> {
         self.0.get_mut(index.get())
     }
@@ -286,12 +288,12 @@ impl Drives {
         self.0.iter().map(|drive| &drive.work)
     }
 
-    /// The same, to change it.
+    /// Mutable access to the same.
     pub(super) fn works_mut(&mut self) -> impl Iterator<Item = &mut DriveWork> {
         self.0.iter_mut().map(|drive| &mut drive.work)
     }
 
-    /// The drive with the number `station` on the line; `None` if that is not one of ours.
+    /// The drive with the number `station` on the line; `None` if it is not configured.
     pub(super) fn at_station(&self, station: Station) -> Option<DriveIndex> {
         self.0.iter().find(|drive| drive.setup.station == station).map(|drive| drive.index)
     }

@@ -1,4 +1,4 @@
-//! An exchange has ended: who gets what, and what follows for the station.
+//! The end of an exchange: who is answered, and what follows for the station.
 
 use super::core::{Flight, LineCore, Purpose};
 use super::decide::is_stop;
@@ -24,8 +24,8 @@ impl LineCore {
         let drive = &self.drives[flight.drive];
         let until = drive.may_come_until(now, flight.request_end, &exchange.request, &self.timing);
         let is_jammed = self.health.is_jammed();
-        // What comes clean out of babble may be made up of it, and what follows a frame that nothing explains may be
-        // another one of that kind. A stop goes without proof, and is confirmed by a look.
+        // A clean frame amid babble may be an artefact of it, and the frame after an unexplained one may be another
+        // of that kind. A stop is sent without proof, and confirmed by a read-back.
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
         let ending = match ending {
             _ if is_jammed => Ending::Silent,
@@ -47,7 +47,7 @@ impl LineCore {
         };
         let missing = || Missing { request: exchange.request.clone(), sent_at: request_end, until };
         match fault {
-            // It may not have come from the drive, whose reply may still come.
+            // It may not be from the drive, whose reply may still arrive.
             None if proves_nothing => self.drives[drive].station.reply_missing(missing(), now),
             None => {
                 self.drives[drive].station.exchange_ended(&exchange.request, noise > 1, now);
@@ -71,7 +71,7 @@ impl LineCore {
             && let (Request::ReadHolding { address, .. }, Ending::Reply(Reply::Words(words))) =
                 (&exchange.request, &ending)
         {
-            // What a process that was suspended finds had come in time.
+            // What a process finds after it was suspended had arrived in time.
             let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
             self.drives[drive].take_words(now, read_at, (*address, words), &mut self.effects);
         }
@@ -94,10 +94,11 @@ impl LineCore {
     }
 
     fn count_end(&mut self, drive: DriveIndex, request: &Request, ending: &Ending) {
-        let (line, drive) = (&mut self.counters, &mut self.drives[drive].measured.exchanges);
+        let line = &mut self.counters;
+        let drive = &mut self.drives[drive].measured.exchanges;
         let (line, drive) = match ending {
             Ending::Reply(_) => (&mut line.replies, &mut drive.replies),
-            // A refusal that was asked for is the right reply.
+            // A refusal that was provoked is the correct reply.
             Ending::Exception(_) if matches!(request, Request::Unserved { .. }) => {
                 (&mut line.replies, &mut drive.replies)
             }
@@ -109,7 +110,7 @@ impl LineCore {
         *drive += 1;
     }
 
-    /// Counts what was heard, tells it to whoever watches, and notes which stations are there.
+    /// Counts what was received, reports it to watchers, and notes which stations are present.
     pub(super) fn tell_heard(&mut self, now: MonoTime) {
         let mut was_answered = false;
         for heard in self.wire.take_heard() {
@@ -150,7 +151,7 @@ impl LineCore {
         }
     }
 
-    /// A poll, a barrier or a native read had no good answer. A damaged one is asked for once more.
+    /// A poll, a barrier or a native read failed. After a damaged reply it is sent once more.
     fn read_failed(&mut self, purpose: Purpose, ending: &Ending) {
         let repeats = fault_of(ending).is_some_and(|fault| consequence(fault).repeats_read);
         match purpose {
@@ -163,7 +164,7 @@ impl LineCore {
         }
     }
 
-    /// Nobody waits for a drive that is known to be silent.
+    /// No request waits for a drive that is known to be silent.
     fn forget_the_silent(&mut self, now: MonoTime, drive: DriveIndex) {
         if self.drives[drive].station.is_known_silent() {
             self.drives[drive].set_presence(now, Presence::Offline, &mut self.effects);
@@ -177,9 +178,9 @@ impl LineCore {
         job.waiters.iter().any(|waiter| self.natives.is_waited_for(*waiter))
     }
 
-    /// A frame of `station` was heard that answers nothing: if it is one of ours, it is there. If nothing explains it,
-    /// another drive may have its number, or its replies come later than any may: it is not asked again before it was
-    /// silent for long enough.
+    /// A frame of `station` was received that answers no request. A configured station is thereby present. If the frame is
+    /// unexplained, another drive may share its number, or its replies exceed the maximum lateness: it is not asked again
+    /// before it has been silent for long enough.
     fn spoke(&mut self, now: MonoTime, station: Station, adu: &[u8], was_answered: bool) {
         let Some(index) = self.drives.at_station(station) else { return };
         let DriveOnLine { station, setup, .. } = &mut self.drives[index];

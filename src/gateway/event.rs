@@ -1,4 +1,4 @@
-//! What a line is told and what it says.
+//! The inputs and effects of a line.
 
 use super::note::{LineNote, Note};
 use crate::domain::command::{CommandAnswer, CommandRequest, Owner};
@@ -12,91 +12,90 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::TripEvent;
 use crate::journal::{Keep, RowNumber};
 
-/// Something that happened.
+/// An input of a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input<'a> {
     /// Bytes were read from the port.
     Bytes(&'a [u8]),
-    /// A port of this kind was opened; nothing that was received before counts.
+    /// A port of this kind was opened; bytes received before are discarded.
     PortUp(PortKind),
-    /// The port is gone.
+    /// The port was lost.
     PortDown(LineFault),
-    /// A client asks for registers by their addresses.
+    /// A client reads or writes registers by address.
     Native(NativeRequest),
-    /// Somebody commands.
+    /// A client gives a command.
     Command(CommandRequest),
-    /// The way from this commander is open: its session leases live on.
+    /// The connection of this client is open: its session leases stay alive.
     PathAlive(Owner),
-    /// The way from this commander was opened anew: what it had issued before is stale.
+    /// The connection of this client was reopened: what it issued before is stale.
     PathOpened(Owner),
-    /// The gateway ends: each drive gets the action that is declared for that.
+    /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
-    /// The line ends by a change of the configuration: nothing is accepted from now on but stops. A drive in use is
-    /// stopped if that is wanted.
+    /// The line ends by a change of the configuration: from now on only stops are accepted. A drive in use is stopped if
+    /// requested.
     Leave {
-        /// It is.
+        /// Whether drives in use are stopped.
         stops: bool,
     },
-    /// It goes on after all.
+    /// The line stays after all.
     Stay,
-    /// A client is gone: nobody waits for its answers any more, and what it has ordered and has not begun is not sent,
-    /// stops excepted.
+    /// A client is gone: its answers are dropped, and its orders that have not begun are not sent, except stops.
     AskerGone(AskerId),
-    /// Everything that was to be kept, up to this row, is: it outlives a kill of the process.
+    /// Everything up to this row of the journal is durable: it survives a kill of the process.
     Kept(RowNumber),
-    /// All that had happened has been told. Only now is decided what to do.
+    /// All events so far have been handed in. Decisions are made only now.
     Time,
 }
 
-/// Something that should be done.
+/// An action for the caller to execute.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
-    /// Hand these bytes to the port, now and all at once.
+    /// Write these bytes to the port, at once and in one piece.
     Transmit(Vec<u8>),
     /// Close the port and open it again after the usual wait, for this reason.
     Reopen(LineFault),
-    /// Give this answer to its asker.
+    /// Deliver this answer to its client.
     Answer(NativeAnswer),
-    /// Give this report to the one who commanded.
+    /// Deliver this report to the client that gave the command.
     Command(CommandAnswer),
     /// Keep this in the journal.
     Keep(Keep),
-    /// A drive has tripped, or its trip holds no more. Where there is a journal, this is for the log alone: others are told
-    /// from there.
+    /// A drive has tripped, or its trip is over. With a journal, this is for the log alone: clients are informed from
+    /// there.
     Trip(DriveIndex, TripEvent),
-    /// Something that people should read.
+    /// Log this note on a drive.
     Note(DriveIndex, Note),
-    /// The same about the line as a whole.
+    /// Log this note on the line as a whole.
     LineNote(LineNote),
-    /// A drive has come or gone.
+    /// A drive went online or offline.
     Presence(DriveIndex, Presence),
-    /// For whoever watches the line; only while the line is to tell.
+    /// For watchers of the line; only while traffic is reported.
     Traffic(TrafficRecord),
 }
 
-/// When a line wants to be given the time again, and why.
+/// When [`Input::Time`] is due, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wake {
     /// At this moment.
     pub at: MonoTime,
-    /// What it waits for.
+    /// The reason.
     pub reason: WakeReason,
 }
 
-/// What a line can wait for.
+/// Reasons to wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum WakeReason {
     /// A reply, or the end of the wait for it.
     ReplyDue,
     /// The silence before the next frame.
     SilentInterval,
-    /// The next poll, the end of a back-off, or the end of the time in which a late reply may come.
+    /// The next poll, the end of a back-off, or the end of the time in which a late reply may arrive.
     WorkDue,
     /// The deadline of a request that waits.
     RequestDeadline,
-    /// The silence that ends what is being received.
+    /// The silence that ends the frame being received.
     FrameEnd,
-    /// The moment by which something should have been heard, or a silent port is opened anew.
+    /// The deadline for hearing anything, after which a silent port is reopened.
     LineCheck,
     /// The end of a lease, the deadline of a command, or the time by which a stop should show its effect.
     ControlDue,

@@ -1,8 +1,8 @@
-//! Whether an output frequency falls.
+//! Detects a falling output frequency.
 
 use crate::drive::run_state::ZEROS_FOR_STANDSTILL;
 
-/// Readings in a row that must not rise.
+/// Number of consecutive readings that must not rise.
 const FALLS: u8 = 2;
 
 /// Readings of an output frequency that should fall.
@@ -15,13 +15,14 @@ pub struct FallWatch {
 }
 
 impl FallWatch {
-    /// Takes a reading.
+    /// Adds a reading.
     pub fn take(&mut self, raw: u16) {
         match self.last {
             Some(last) if raw <= last => self.not_risen = self.not_risen.saturating_add(1),
             Some(_) => {
-                // It rises: whatever was seen before is no fall.
-                (self.first, self.not_risen) = (Some(raw), 0);
+                // It rises: earlier readings no longer count as a fall.
+                self.first = Some(raw);
+                self.not_risen = 0;
             }
             None => self.first = Some(raw),
         }

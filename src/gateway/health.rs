@@ -1,5 +1,4 @@
-//! Whether a line with an open port can be used: it may be jammed, echo or be mute; how good it is, and what is probably
-//! wrong with it.
+//! Health of a line with an open port: jammed, echoing or mute; its quality, and the suspected cause.
 
 use super::core::LineCore;
 use super::event::{Effect, Wake, WakeReason};
@@ -19,32 +18,31 @@ use crate::line::timing::Timing;
 use crate::wire::framing;
 use std::time::Duration;
 
-/// How long somebody may talk without a pause while something waits, at the least: what a drive says in one breath is
-/// over by then at any usual speed.
+/// Minimum time of uninterrupted traffic, while something waits, before the line counts as jammed: at any usual speed a
+/// single frame of a drive is over by then.
 const JAM_AFTER: Duration = Duration::from_millis(500);
-/// The same in longest frames, for slow lines: a request of somebody else and its reply.
+/// The same in maximum-length frames, for slow lines: another master's request and its reply.
 const JAM_FRAMES: u32 = 2;
-/// Silence of all drives, and of everything else, after which the line counts as mute: several probes of each drive have
-/// gone out by then.
+/// Complete silence after which the line counts as mute: by then each drive has been probed several times.
 const MUTE_AFTER: Duration = Duration::from_secs(10);
-/// First wait before a mute port is opened anew once more; doubled up to the longest.
+/// First wait before a mute port is reopened again; doubled up to the maximum.
 const REOPEN_FIRST: Duration = Duration::from_secs(10);
-/// Longest such wait: what is switched off for the night shall not fill the log.
+/// Maximum such wait: drives that are switched off overnight must not fill the log.
 const REOPEN_MAX: Duration = Duration::from_secs(300);
-/// First wait before a line that echoes is read once more; doubled up to the longest.
+/// First wait before an echoing line is read again; doubled up to the maximum.
 const PROBE_FIRST: Duration = Duration::from_secs(1);
-/// Longest such wait.
+/// Maximum such wait.
 const PROBE_MAX: Duration = Duration::from_secs(30);
 
-/// What is known of a line beside its state.
+/// What is known about a line apart from its state.
 #[derive(Debug)]
 pub(super) struct Health {
-    /// Why nothing can be asked although the port is open.
+    /// Why no request can be sent although the port is open.
     pub trouble: Option<LineFault>,
     pub quality: LineQuality,
     pub diagnosis: Diagnosis,
     pub damage: DamageWatch,
-    /// Nothing was heard for long, and nothing since.
+    /// Nothing has been received for a long time.
     pub is_mute: bool,
     reopen_at: MonoTime,
     reopen_wait: Duration,
@@ -53,7 +51,7 @@ pub(super) struct Health {
     told: LastReport,
 }
 
-/// What people were told last.
+/// The suspicion that was last logged.
 #[derive(Debug)]
 struct LastReport {
     suspicion: Option<Suspicion>,
@@ -66,7 +64,7 @@ pub(super) struct Done {
     pub drive: DriveIndex,
     /// What went wrong.
     pub fault: Option<Fault>,
-    /// It says how good the line is.
+    /// Whether it counts towards the quality of the line.
     pub counts: bool,
     pub reply_bytes: usize,
 }
@@ -97,7 +95,7 @@ impl Health {
         matches!(self.trouble, Some(LineFault::Jammed))
     }
 
-    /// A line that echoes was read once more at `now`.
+    /// An echoing line was read again at `now`.
     pub fn was_probed(&mut self, now: MonoTime) {
         self.probe_at = now + self.probe_wait;
         self.probe_wait = (self.probe_wait * 2).min(PROBE_MAX);
@@ -114,20 +112,21 @@ impl Health {
 }
 
 impl LineCore {
-    /// Whether requests and commands are taken. A mute line takes them: its drives are silent one by one.
+    /// Whether requests and commands are accepted. A mute line accepts them: its drives are silent one by one.
     pub(super) const fn takes_requests(&self) -> bool {
         self.is_open && !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo))
     }
 
-    /// What follows for the line from what was heard, and from an exchange that is `done`.
+    /// Updates the health after received bytes, and after an exchange that is `done`.
     pub(super) fn conclude(&mut self, now: MonoTime, done: Option<Done>) {
-        let (has_ended, trouble) = (done.is_some(), self.health.trouble);
+        let has_ended = done.is_some();
+        let trouble = self.health.trouble;
         if let Some(done) = done {
             self.echo.ended();
             let misses_echo = self.echo.misses_echo();
             self.wire.strip_echo(self.echo.known() == LocalEcho::Found);
             if misses_echo {
-                // It may be gone: the next read shows whether it is.
+                // It may be over: the next read shows whether it is.
                 self.health.probe_at = now;
             }
             if done.counts {
@@ -143,7 +142,7 @@ impl LineCore {
         }
     }
 
-    /// When the line has to be looked at, whatever else happens.
+    /// When the health must be checked next, whatever else happens.
     pub(super) fn health_wake(&self) -> Option<Wake> {
         if !self.is_open || self.wire.is_busy() {
             return None;
@@ -182,20 +181,20 @@ impl LineCore {
         }
     }
 
-    /// Somebody talks for so long that nothing that waits can be sent. It is over with the first silence that is long
+    /// Detects traffic that lasts so long that nothing can be sent. The jam is over with the first silence that is long
     /// enough for a frame.
     fn is_jammed(&self, now: MonoTime) -> bool {
         let is_silent = !self.wire.is_busy() && now >= self.wire.may_send_from();
         if self.wire.is_busy() || is_silent {
             return self.health.is_jammed() && !is_silent;
         }
-        // A talk that is shorter than that began after a silence that was not seen: the process was suspended.
+        // Shorter traffic began after a silence that was not seen: the process was suspended.
         let talks = self.wire.talks_since(now).map_or(Duration::ZERO, |since| now.since(since));
         let is_long = talks >= jam_after(&self.timing);
         is_long && (self.health.is_jammed() || self.work_at().is_some_and(|at| at <= now))
     }
 
-    /// The line can be used no more, or again. Where nothing can be asked, everything that waits is answered.
+    /// The line has become unusable, or usable again. If it is unusable, everything that waits is answered.
     fn set_trouble(&mut self, now: MonoTime, trouble: Option<LineFault>) {
         self.health.trouble = trouble;
         self.state = if trouble.is_some() { LineState::Down } else { LineState::Up };
@@ -227,7 +226,7 @@ impl LineCore {
             if is_suspended != *told {
                 *told = is_suspended;
                 let note = if is_suspended { Note::Suspended } else { Note::Resumed };
-                // What holds for the whole line was told of the line.
+                // A state of the whole line is reported for the line.
                 if !line_is_suspended {
                     self.effects.push_back(Effect::Note(DriveIndex(place), note));
                 }

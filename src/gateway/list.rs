@@ -1,5 +1,4 @@
-//! A command that is being carried out: its steps one after the other, then a look at what the drive shows of them;
-//! one outcome for all.
+//! A command in execution: its steps in turn, then a read-back of their effect, with one outcome for all.
 
 mod read_back;
 #[cfg(test)]
@@ -14,64 +13,64 @@ use crate::guard::{Approved, Void};
 use crate::wire::pdu::{Reply, Request};
 use std::time::Duration;
 
-/// How long after its deadline a list that has begun may still go on: as long as a client of Modbus TCP waits for its
-/// answer. A station that must not be asked can hold it up for longer, and an order is not carried out minutes later.
+/// How long after its deadline a list that has begun may continue: as long as a Modbus TCP client waits for its answer.
+/// A station that must not be asked can delay it for longer, and an order must not be executed minutes later.
 const HELD_UP_MAX: Duration = Duration::from_secs(5);
-/// How often the stop that ends a reset is sent before it is given up. Every other write is sent once.
+/// Maximum number of attempts for the stop that ends a reset. Every other write is sent once.
 const STOPS_MAX: u8 = 4;
 
-/// One approved command and how far it has come.
+/// One approved command and its progress.
 #[derive(Debug)]
 pub struct List {
     approved: Approved,
     waiter: Waiter,
     stage: Stage,
-    /// A frame of it was written.
+    /// A frame of it was sent.
     has_begun: bool,
-    /// How often the present read, or the stop that ends a reset, was sent in vain.
+    /// Unanswered attempts of the current read, or of the stop that ends a reset.
     in_vain: u8,
-    /// The next request goes no sooner than this.
+    /// The next request is not sent before this moment.
     ready_at: MonoTime,
-    /// Up to this moment the drive may take to show what is looked at now; nothing before the first look.
+    /// Deadline for the drive to show the current condition; `None` before the first read.
     shown_until: Option<MonoTime>,
     repeats: Repeats,
-    /// The word that resets was not answered: only what the drive shows of its trip tells whether it took effect.
+    /// The reset word was not answered: only the drive's trip state shows whether it took effect.
     is_in_doubt: bool,
 }
 
-/// Where a command stands.
+/// The stage of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// The step at this index.
     Step(usize),
-    /// All is written; what the step at this index shows is being read back, condition by condition.
+    /// All is written; the conditions of the step at this index are being read back.
     ReadBack(usize, usize),
-    /// The step at this index was not answered: what it shows tells whether it took effect. Nothing more is written.
+    /// The step at this index was not answered: its conditions show whether it took effect. Nothing more is written.
     Resolve(usize, usize),
-    /// Nothing is left to do.
+    /// Complete.
     Done,
 }
 
-/// Whether the stop that ends a reset is sent once more, because the drive was deaf to it.
+/// Whether the stop that ends a reset is sent again, because the drive ignored it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Repeats {
     No,
-    /// The step at this index, after the rest that is on now.
+    /// The step at this index, after the current rest.
     AfterRest(usize),
     Done,
 }
 
-/// What follows from a step.
+/// The result of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// The list goes on; there may be something to tell already.
+    /// The list continues, possibly with an interim report.
     Goes(Option<Report>),
     /// The list is over.
     Ends(Report),
 }
 
 impl List {
-    /// An approved command that has not begun.
+    /// Creates a list for an approved command that has not begun.
     #[must_use]
     pub const fn new(approved: Approved, waiter: Waiter) -> Self {
         Self {
@@ -87,30 +86,30 @@ impl List {
         }
     }
 
-    /// Who waits for it.
+    /// The waiting client.
     pub const fn waiter(&mut self) -> &mut Waiter {
         &mut self.waiter
     }
 
-    /// Whether `asker` waits for it.
+    /// Whether `asker` is waiting for it.
     #[must_use]
     pub fn is_of(&self, asker: AskerId) -> bool {
         self.waiter.is_of(asker)
     }
 
-    /// Who ordered it.
+    /// The owner who ordered it.
     #[must_use]
     pub const fn owner(&self) -> Owner {
         self.approved.owner()
     }
 
-    /// What was ordered.
+    /// The order.
     #[must_use]
     pub const fn order(&self) -> &Order {
         self.approved.order()
     }
 
-    /// The writes that were not sent, or that the drive refused: everything from the present step on.
+    /// The writes that were not sent, or that the drive refused: everything from the current step on.
     pub fn parts_left(&self) -> impl Iterator<Item = StepPart> + '_ {
         let from = match self.stage {
             Stage::Step(index) => index,
@@ -120,8 +119,8 @@ impl List {
         self.approved.steps().iter().skip(from).flat_map(writes_of).map(|write| write.part)
     }
 
-    /// Whether `newer` says everything that this one says, and nothing of this one is on its way: the newer one takes
-    /// its place.
+    /// Whether `newer` covers everything in this order, and nothing of this one has been sent: the newer one replaces
+    /// it.
     #[must_use]
     pub fn is_replaced_by(&self, newer: &Self) -> bool {
         let (Order::Go(old), Order::Go(new)) = (self.order(), newer.order()) else { return false };
@@ -133,7 +132,7 @@ impl List {
             && (old.run().is_none() || new.run().is_some())
     }
 
-    /// The request that comes next, and the moment before which it does not go.
+    /// The next request, and the earliest moment to send it.
     #[must_use]
     pub fn request(&self) -> Option<(MonoTime, Request)> {
         let request = match self.stage {
@@ -146,7 +145,7 @@ impl List {
         Some((self.ready_at, request))
     }
 
-    /// Up to when the drive is left alone, if that is the next step.
+    /// The end of the rest, if that is the next step.
     #[must_use]
     pub fn rest_at(&self, now: MonoTime) -> Option<MonoTime> {
         let Stage::Step(index) = self.stage else { return None };
@@ -156,19 +155,20 @@ impl List {
         }
     }
 
-    /// The drive is left alone up to `until`; then the list goes on.
+    /// Starts a rest that ends at `until`; then the list continues.
     pub fn rest(&mut self, until: MonoTime) -> Next {
         let Stage::Step(index) = self.stage else { return Next::Goes(None) };
         self.ready_at = until;
         if let Repeats::AfterRest(write) = self.repeats {
-            (self.repeats, self.stage) = (Repeats::Done, Stage::Step(write));
+            self.repeats = Repeats::Done;
+            self.stage = Stage::Step(write);
             return Next::Goes(None);
         }
         self.go_on_from(index)
     }
 
-    /// How long the drive will hear nothing although the list is cut: its reset was sent, and the rest that follows is
-    /// still to come. `is_on_the_wire`: the present step was sent.
+    /// How long the drive will ignore requests although the list is cut: its reset was sent, and the rest that follows
+    /// has not begun. `is_on_the_wire`: the current step was sent.
     #[must_use]
     pub fn rest_to_come(&self, is_on_the_wire: bool) -> Option<Duration> {
         let (Stage::Step(index), Repeats::No) = (self.stage, self.repeats) else { return None };
@@ -181,8 +181,8 @@ impl List {
         sent.iter().flat_map(writes_of).any(|write| Some(write.value) != stop).then_some(rest)
     }
 
-    /// Whether the next request may be sent: reads that follow a write always may, and so may the end of a reset. What has
-    /// begun and was held up for too long starts nothing any more.
+    /// Whether the next request may be sent: reads after a write always may, and so may the end of a reset. A list that
+    /// has begun and was delayed for too long starts nothing more.
     ///
     /// # Errors
     /// [`Void`]
@@ -196,10 +196,10 @@ impl List {
         }
     }
 
-    /// Whether the next request only takes a reset back, or writes nothing.
+    /// Whether the next request only clears a reset, or writes nothing.
     fn takes_back(&self) -> bool {
         let stop = self.first_word();
-        // The last word of some models is the one that resets.
+        // On some models the last word is the reset word.
         let takes_back = |write: &Write| match write.part {
             StepPart::TakesBack => true,
             StepPart::Reset { ends, .. } => ends && Some(write.value) == stop,
@@ -208,30 +208,30 @@ impl List {
         self.present_writes().iter().all(takes_back)
     }
 
-    /// Before this moment its first write leaves or never.
+    /// The deadline of its first write.
     #[must_use]
     pub const fn start_before(&self) -> MonoTime {
         self.approved.start_before()
     }
 
-    /// Whether something of it was written.
+    /// Whether any of it was sent.
     #[must_use]
     pub const fn has_begun(&self) -> bool {
         self.has_begun
     }
 
-    /// Whether its first step is still to come.
+    /// Whether its first step is still pending.
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.stage == Stage::Step(0)
     }
 
-    /// The next request goes out.
+    /// The next request is sent.
     pub fn was_sent(&mut self) {
         self.has_begun |= !self.present_writes().is_empty();
     }
 
-    /// The writes that the next request carries; none if it is a read.
+    /// The writes in the next request; empty if it is a read.
     #[must_use]
     pub fn present_writes(&self) -> &[Write] {
         match self.stage {
@@ -240,7 +240,7 @@ impl List {
         }
     }
 
-    /// Whether the next request writes the word that resets, behind which another one takes it back.
+    /// Whether the next request writes the reset word, which a later one clears.
     #[must_use]
     pub fn leaves_a_reset_standing(&self) -> bool {
         let stop = self.first_word();
@@ -249,7 +249,7 @@ impl List {
         self.present_writes().iter().any(resets)
     }
 
-    /// The writes that were not answered and that the next read tells about.
+    /// The unanswered writes that the next read checks.
     #[must_use]
     pub fn writes_in_question(&self) -> &[Write] {
         match self.stage {
@@ -272,7 +272,7 @@ impl List {
         }
     }
 
-    /// The drive answered with an exception.
+    /// The drive replied with an exception.
     pub fn excepted(&mut self, code: u8) -> Next {
         if !matches!(self.stage, Stage::Step(_)) {
             return self.give_up_reading();
@@ -281,13 +281,14 @@ impl List {
         Next::Ends(Report { exception: Some(code), ..failed })
     }
 
-    /// The drive did not answer, or only with damage. A write is not repeated: where the model shows what became of
-    /// it, that is read.
+    /// The drive did not answer, or its reply was damaged. A write is not repeated: if the model can show its effect,
+    /// that is read.
     pub fn unanswered(&mut self) -> Next {
         let (Stage::Step(index), Some(write)) = (self.stage, self.present_writes().first()) else {
             return self.read_again();
         };
-        let (part, is_first_word) = (write.part, self.first_word() == Some(write.value));
+        let part = write.part;
+        let is_first_word = self.first_word() == Some(write.value);
         match part {
             StepPart::TakesBack => self.end_of_reset_unanswered(),
             StepPart::Reset { .. } if index > 0 && is_first_word => self.end_of_reset_unanswered(),
@@ -304,8 +305,8 @@ impl List {
         }
     }
 
-    /// The stop that takes the reset bit back had no answer. It must not be left out: where the drive is deaf after a
-    /// reset it goes again after the rest, and then until it is answered.
+    /// The stop that clears the reset bit was not answered. It must not be skipped: if the drive ignores requests after a
+    /// reset, it is sent again after the rest, and then until it is answered.
     fn end_of_reset_unanswered(&mut self) -> Next {
         if let (Some(rest), Repeats::No) = (self.rest_step(), self.repeats) {
             self.rest_before_the_end(rest);
@@ -318,16 +319,17 @@ impl List {
         Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply))
     }
 
-    /// What comes next is the rest at `rest`, and behind it the write in front of it.
+    /// Continues with the rest at `rest`, and then repeats the write before it.
     const fn rest_before_the_end(&mut self, rest: usize) {
-        (self.repeats, self.stage) = (Repeats::AfterRest(rest.saturating_sub(1)), Stage::Step(rest));
+        self.repeats = Repeats::AfterRest(rest.saturating_sub(1));
+        self.stage = Stage::Step(rest);
     }
 
     fn rest_step(&self) -> Option<usize> {
         self.approved.steps().iter().position(|step| matches!(step, Step::Rest(_)))
     }
 
-    /// The first word that it writes: of a reset, a stop.
+    /// The first word that it writes; for a reset, a stop.
     fn first_word(&self) -> Option<u16> {
         self.approved.steps().iter().flat_map(writes_of).map(|write| write.value).next()
     }
@@ -344,7 +346,7 @@ impl List {
                 Next::Ends(Report { held: Some(*value), ..kept })
             }
             (Some(Step::Write(_)), _) => {
-                // A drive that answered after its rest does not need another one.
+                // A drive that answered after its rest needs no other.
                 let rested = self.repeats == Repeats::Done;
                 self.go_on_from(if rested { index + 1 } else { index })
             }
@@ -367,8 +369,7 @@ impl List {
         }
     }
 
-    /// All steps are done: confirmed if the drive has shown the effect of all of them, else acknowledged is all that
-    /// there is.
+    /// All steps are done: confirmed if the drive has shown the effect of all of them, else only acknowledged.
     fn end(&mut self) -> Next {
         let has_read_back = matches!(self.stage, Stage::ReadBack(..) | Stage::Resolve(..));
         self.stage = Stage::Done;

@@ -1,4 +1,4 @@
-//! What was measured on one line: reply times, gaps, ages, and how long stops had to wait.
+//! Measurements of one line: reply times, gaps, ages, and waiting times of stops.
 
 use super::setup::DriveSetup;
 use crate::domain::counts::{ExchangeCounts, ReplyCounts};
@@ -9,16 +9,16 @@ use crate::line::reply_times::ReplyTimes;
 use crate::line::timeouts::{self, Class};
 use std::time::Duration;
 
-/// Replies from which on a time-out is suggested: the longest of fewer may be far from what the drive can need.
+/// Minimum number of replies for a suggested time-out: the longest of fewer may be far below what the drive can need.
 const SUGGESTED_FROM: u16 = 100;
-/// How often a drive's report is made anew.
+/// How often a drive's report is renewed.
 pub const STATION_EVERY: Duration = Duration::from_secs(1);
-/// Ages are remembered for this long at least, and for twice as long at most.
+/// Ages are kept for at least this long, and at most twice as long.
 const AGES_FOR: Duration = Duration::from_secs(60);
-/// Frames between two looks at the median of the gaps.
+/// Frames between two updates of the median gap.
 const GAPS_EVERY: u8 = 64;
 
-/// Everything that was measured on one line.
+/// All measurements of one line.
 #[derive(Debug, Default)]
 pub(super) struct Measured {
     /// What the line's report shows.
@@ -26,16 +26,16 @@ pub(super) struct Measured {
     gaps: Histogram,
     gaps_since: u8,
     opened_at: MonoTime,
-    /// The drive whose report is made next, and not before when.
+    /// The drive whose report is next, and the earliest moment for it.
     next: usize,
     next_at: MonoTime,
 }
 
-/// What was measured of one drive.
+/// Measurements of one drive.
 #[derive(Debug, Default)]
 pub(super) struct DriveMeasured {
     pub(super) reply_times: ReplyTimes,
-    /// The oldest that a fast value became in the present span, and in the one before.
+    /// The maximum age of a fast value in the current span, and in the previous one.
     ages: [Duration; 2],
     ages_since: MonoTime,
     pub(super) planned_age: Option<Duration>,
@@ -49,7 +49,7 @@ impl Measured {
         self.opened_at = now;
     }
 
-    /// A frame of ours goes out `gap` later than the silence before it asks for.
+    /// A frame of ours is sent `gap` later than the silence before it requires.
     pub(super) fn sent(&mut self, gap: Duration) {
         self.gaps.add(gap);
         self.line.shortest_gap = Some(self.line.shortest_gap.map_or(gap, |shortest| shortest.min(gap)));
@@ -59,13 +59,13 @@ impl Measured {
         self.gaps_since = (self.gaps_since + 1) % GAPS_EVERY;
     }
 
-    /// A stop that was accepted at `accepted` goes out for the first time at `now`.
+    /// A stop that was accepted at `accepted` is sent for the first time at `now`.
     pub(super) fn stop_sent(&mut self, accepted: MonoTime, now: MonoTime) {
         let waited = now.since(accepted.max(self.opened_at));
         self.line.longest_stop = self.line.longest_stop.max(waited);
     }
 
-    /// The place of the drive, of `count`, whose report is due at `now`: each once in [`STATION_EVERY`], so that no round
+    /// The index of the drive, of `count`, whose report is due at `now`: each once per [`STATION_EVERY`], so that no round
     /// makes many.
     pub(super) fn report_due(&mut self, count: usize, now: MonoTime) -> Option<usize> {
         if now < self.next_at || count == 0 {
@@ -79,12 +79,12 @@ impl Measured {
 }
 
 impl DriveMeasured {
-    /// Nothing measured yet of a drive whose fast values become at most `planned_age` old.
+    /// Creates empty measurements for a drive whose fast values become at most `planned_age` old.
     pub(super) fn planned(planned_age: Option<Duration>) -> Self {
         Self { planned_age, ..Self::default() }
     }
 
-    /// The port was opened. Another drive may stand where one was learned, and the first waits are cautious.
+    /// The port was opened. Another drive may have replaced the known one, so the first waits are conservative.
     pub(super) fn port_opened(&mut self) {
         self.reply_times.forget();
     }
@@ -96,7 +96,7 @@ impl DriveMeasured {
         counts.into_iter().for_each(|counts| counts.add(time));
     }
 
-    /// A fast value is read anew at `now`, at this age.
+    /// A fast value of this age is refreshed at `now`.
     pub(super) fn aged(&mut self, age: Duration, now: MonoTime) {
         if now.since(self.ages_since) >= AGES_FOR {
             self.ages = [Duration::ZERO, self.ages[0]];
@@ -105,7 +105,7 @@ impl DriveMeasured {
         self.ages[0] = self.ages[0].max(age);
     }
 
-    /// The oldest that a fast value has become lately.
+    /// The recent maximum age of a fast value.
     pub(super) fn oldest_age(&self) -> Duration {
         self.ages[0].max(self.ages[1])
     }

@@ -1,22 +1,22 @@
-//! One line without I/O: its wire, its drives, and the one way in for writes. [`LineCore`] tells how it is driven.
+//! One line without I/O: its wire, its drives, and the single entry point for writes. See [`LineCore`] for its use.
 //!
 //! One small file per kind of event or duty:
 //!
 //! | file | what it does |
 //! | --- | --- |
 //! | `ask` | takes requests and commands |
-//! | `decide` | picks what goes on the wire next |
-//! | `drive` | what belongs to one drive, and the drives of a line |
-//! | `barrier` | settles whether a late reply can still come |
+//! | `decide` | picks what is sent next |
+//! | `drive` | the state of one drive, and the drives of a line |
+//! | `barrier` | rules out late replies |
 //! | `ended` | applies the end of an exchange |
 //! | `overdue` | ends a wait early for a stop, learns reply times |
 //! | `measured` | keeps measured times |
 //! | `station` | reports one drive on its line |
-//! | `port` | the port opens and closes |
+//! | `port` | handles opening and closing of the port |
 //! | `probe` | finds out whether the line echoes |
 //! | `health` | decides whether the line can be used |
 //! | `traffic` | reports traffic to those who watch the line |
-//! | `work` | what a drive wants for itself: its `stop`, the `list` of steps of a command, its trips |
+//! | `work` | a drive's own work: its `stop`, the `list` of steps of a command, its trips |
 
 mod ask;
 mod barrier;

@@ -1,4 +1,4 @@
-//! Native requests that wait: each has one or more frames on the line and ends in exactly one outcome.
+//! Pending native requests: each has one or more frames on the line and gets exactly one outcome.
 
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRequest};
@@ -7,10 +7,10 @@ use crate::line::schedule::WaiterId;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
-/// Most requests that may wait on one line: 256 clients with 16 each.
+/// Maximum number of pending requests per line: 256 clients with 16 each.
 pub const REQUESTS_MAX: usize = 4096;
 
-/// A request that waits.
+/// A pending request.
 #[derive(Debug)]
 struct Native {
     asker: AskerId,
@@ -19,16 +19,16 @@ struct Native {
     words: Collected,
 }
 
-/// The words that have come so far.
+/// The words received so far.
 #[derive(Debug)]
 enum Collected {
-    /// One frame brings all.
+    /// One frame carries all words.
     AtOnce,
-    /// Several frames bring them: where each begins, how many are out, and the words.
+    /// Several frames carry the words: the offset of each, the number of missing frames, and the words.
     InParts { starts: Vec<u16>, out: usize, words: Vec<u16> },
 }
 
-/// The requests that wait on one line.
+/// The pending requests of one line.
 #[derive(Debug, Default)]
 pub struct Natives {
     last: u64,
@@ -37,19 +37,19 @@ pub struct Natives {
 }
 
 impl Natives {
-    /// Whether one more would be too many.
+    /// Whether there is no room for another request.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.waiting.len() >= REQUESTS_MAX
     }
 
-    /// How many wait.
+    /// The number of pending requests.
     #[must_use]
     pub fn len(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Takes a request whose frames bring `parts` words each, and returns its number.
+    /// Adds a request whose frames carry `parts` words each, and returns its number.
     pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
         self.last += 1;
         let words = if parts.len() <= 1 { Collected::AtOnce } else { collected(parts) };
@@ -59,13 +59,13 @@ impl Natives {
         self.last
     }
 
-    /// Whether somebody still waits for a job.
+    /// Whether a request still waits for a job.
     #[must_use]
     pub fn is_waited_for(&self, waiter: WaiterId) -> bool {
         self.waiting.contains_key(&waiter.request)
     }
 
-    /// Takes the words of one frame. Returns the answer once all frames have come.
+    /// Takes the words of one frame. Returns the answer once all frames have arrived.
     pub fn words(&mut self, waiter: WaiterId, words: &Arc<[u16]>) -> Option<NativeAnswer> {
         let native = self.waiting.get_mut(&waiter.request)?;
         let all = match &mut native.words {
@@ -83,7 +83,7 @@ impl Natives {
         self.end(waiter, NativeOutcome::Words(all))
     }
 
-    /// Ends the request of `waiter`, if it still waits.
+    /// Ends the request of `waiter`, if it is still pending.
     pub fn end(&mut self, waiter: WaiterId, outcome: NativeOutcome) -> Option<NativeAnswer> {
         let native = self.waiting.remove(&waiter.request)?;
         self.deadlines.remove(&(native.deadline, waiter.request));
@@ -102,7 +102,7 @@ impl Natives {
         self.deadlines.first().map(|(deadline, _)| *deadline)
     }
 
-    /// Forgets all requests of an asker that is gone.
+    /// Drops all requests of a client that is gone.
     pub fn forget(&mut self, asker: AskerId) {
         let deadlines = &mut self.deadlines;
         self.waiting.retain(|request, native| {

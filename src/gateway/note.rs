@@ -1,4 +1,4 @@
-//! What people should read: alarms and other things that no answer carries.
+//! Log messages: alarms and other events that no answer carries.
 
 use crate::domain::command::Owner;
 use crate::domain::control::FailSafe;
@@ -6,126 +6,130 @@ use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
 use crate::drive::watchdog::WatchdogState;
 
-/// Something that happened to a drive and that nobody asked for.
+/// An event of a drive that no request caused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Note {
-    /// The commander was lost and the declared action runs.
+    /// Contact with the controlling client was lost; the declared action runs.
     #[error("commander lost ({owner}): the declared action is {}", .action.word())]
     CommanderLost {
-        /// Who was lost.
+        /// The lost owner.
         owner: Owner,
-        /// What is done.
+        /// The declared action.
         action: FailSafe,
     },
-    /// The commander of an earlier life of the gateway did not come back, or the gateway ended again before its time was
-    /// over: the declared action runs.
-    #[error("the gateway was started anew and its commander before that ({owner}) is not back: the declared action is {}", .action.word())]
+    /// The owner from before a restart did not return, or the gateway exited again before the owner's time was over: the
+    /// declared action runs.
+    #[error("the gateway was restarted and its previous commander ({owner}) did not return: the declared action is {}", .action.word())]
     Orphaned {
-        /// Who held control.
+        /// The previous owner.
         owner: Owner,
-        /// What is done.
+        /// The declared action.
         action: FailSafe,
     },
-    /// A run order went on without its row.
-    #[error("ALARM: the journal is slow; RUN goes on without its row")]
+    /// A run order was executed before its journal row was durable.
+    #[error("ALARM: the journal is slow; RUN proceeds before it is recorded")]
     JournalSlow,
-    /// A stop shows no effect.
-    #[error("ALARM: a stop shows no effect; it is repeated")]
+    /// A stop has no effect.
+    #[error("ALARM: a stop has no effect; repeating it")]
     NotEffective,
-    /// The drive refuses to be stopped.
-    #[error("ALARM: the drive refuses to be stopped; it is not started before a stop was effective")]
+    /// The drive refuses every form of the stop.
+    #[error("ALARM: the drive refuses to stop; it will not be started until a stop takes effect")]
     StopRefused,
-    /// A reset of an earlier life of the gateway, or one that had no answer, may not have been taken back.
-    #[error("the word that resets may stand in the drive's run command: it is taken back")]
+    /// A reset from before a restart, or an unanswered one, may not have been cleared.
+    #[error("the reset word may remain in the drive's run command: clearing it")]
     ResetTakenBack,
-    /// Somebody stops the drive again and again although others start it.
+    /// A client repeatedly stops the drive although others start it.
     #[error(
-        "{by} stops the drive again and again although it was started elsewhere: a controller that is not in charge writes nothing"
+        "{by} repeatedly stops the drive although it was started elsewhere: a controller that is not in charge must not write"
     )]
     StoppedAgain {
-        /// Who.
+        /// The client that stops it.
         by: Owner,
     },
-    /// A stop became effective after the alarm.
-    #[error("the stop is effective now")]
+    /// A stop took effect after the alarm.
+    #[error("the stop has taken effect")]
     EffectiveAtLast,
-    /// A pending stop was given up because the drive stayed away.
-    #[error("ALARM: the drive stayed away; a pending stop was dropped")]
+    /// A pending stop was dropped because the drive stayed offline.
+    #[error("ALARM: the drive stayed offline; a pending stop was dropped")]
     StopDropped,
     /// The drive's own setpoint is outside the limits.
     #[error("ALARM: the drive's setpoint is outside the limits of its control section")]
     SetpointOutside,
     /// Too many exchanges with the drive fail.
-    #[error("too many exchanges with the drive fail: only stops and lower frequencies are taken")]
+    #[error("too many exchanges with the drive fail: only stops and lower frequencies are accepted")]
     Suspended,
     /// Its exchanges are good again.
-    #[error("the exchanges with the drive are good again: run orders are taken")]
+    #[error("the exchanges with the drive are good again: run orders are accepted")]
     Resumed,
     /// Control was taken over.
-    #[error("control was taken over by {by} from {}", holder(.from))]
+    #[error("control taken over by {by} from {}", holder(.from))]
     Taken {
-        /// Who held it; nothing: nobody.
+        /// The previous owner, if any.
         from: Option<Owner>,
-        /// Who holds it now.
+        /// The new owner.
         by: Owner,
     },
-    /// The drive's own watchdog is set to something else than was known.
+    /// The settings of the drive's own watchdog have changed.
     #[error("{}", watchdog(*.0))]
     Watchdog(WatchdogState),
     /// A declared stop without effect is left to the drive's own watchdog.
     #[error(
-        "ALARM: the declared stop shows no effect; nothing more is sent, so that the drive's own watchdog stops it"
+        "ALARM: the declared stop has no effect; sending nothing more, so that the drive's own watchdog stops the motor"
     )]
     LeftToWatchdog,
-    /// The gateway ends and the declared action runs.
-    #[error("the gateway ends: the declared action is {}", .0.word())]
+    /// The gateway shuts down and the declared action runs.
+    #[error("the gateway is shutting down: the declared action is {}", .0.word())]
     ShuttingDown(FailSafe),
-    /// The drive leaves the configuration while it is in use.
-    #[error("the drive leaves the configuration, or its line starts anew: it is stopped first")]
+    /// The drive leaves the configuration, or its line is restarted, while it is in use.
+    #[error("the drive is being removed or its line restarted: stopping it first")]
     Leaving,
 }
 
-/// Something that happened to a line while its port is open.
+/// An event of a line while its port is open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineNote {
-    /// Nothing can be asked over it any more.
+    /// It has become unusable.
     #[error("line down: {0}")]
     Down(LineFault),
-    /// It can be used again.
-    #[error("line up again")]
+    /// It is usable again.
+    #[error("line up")]
     Up,
     /// Too many exchanges fail.
-    #[error("ALARM: {bad_per_cent} % of the line's exchanges fail: only stops and lower frequencies are taken")]
+    #[error("ALARM: {bad_per_cent} % of the line's exchanges fail: only stops and lower frequencies are accepted")]
     Suspended {
-        /// Bad ones of the last 100.
+        /// Failed exchanges among the last 100.
         bad_per_cent: u8,
     },
     /// The exchanges are good again.
-    #[error("the line's exchanges are good again: run orders are taken")]
+    #[error("the line's exchanges are good again: run orders are accepted")]
     Resumed,
-    /// What is probably wrong; nothing any more.
+    /// The suspected cause of the failures; `None`: no longer any.
     #[error("{}", suspected(.0))]
     Suspects(Option<Suspicion>),
 }
 
 fn suspected(suspicion: &Option<Suspicion>) -> String {
-    suspicion.map_or("what was suspected is over".to_owned(), |suspicion| suspicion.to_string())
+    suspicion.map_or("suspicion cleared".to_owned(), |suspicion| suspicion.to_string())
 }
 
 fn holder(owner: &Option<Owner>) -> String {
-    owner.map_or("nobody".to_owned(), |owner| owner.to_string())
+    owner.map_or("no owner".to_owned(), |owner| owner.to_string())
 }
 
 const fn watchdog(state: WatchdogState) -> &'static str {
     match state {
-        WatchdogState::Unknown => "the drive's own watchdog is not known",
-        WatchdogState::Off => "ALARM: the drive's own watchdog is off: without the gateway the motor would run on",
-        WatchdogState::KeepsRunning => "ALARM: the drive's own watchdog is set to let the motor run on",
+        WatchdogState::Unknown => "the state of the drive's own watchdog is unknown",
+        WatchdogState::Off => {
+            "ALARM: the drive's own watchdog is off: without the gateway the motor would keep running"
+        }
+        WatchdogState::KeepsRunning => "ALARM: the drive's own watchdog is set to keep the motor running",
         WatchdogState::TooShort => {
             "ALARM: the drive's own watchdog is no longer than twice the longest gap between two frames: it may stop the \
-             motor although all is well"
+             motor without cause"
         }
-        WatchdogState::TooLong => "ALARM: the drive's own watchdog takes longer than a commander may be silent",
-        WatchdogState::InOrder => "the drive's own watchdog is on and in order",
+        WatchdogState::TooLong => {
+            "ALARM: the drive's own watchdog takes longer than the time allowed for a lost commander"
+        }
+        WatchdogState::InOrder => "the drive's own watchdog is on and suitable",
     }
 }

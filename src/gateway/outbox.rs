@@ -1,4 +1,4 @@
-//! What a line says: effects in order, and among them what should be kept, numbered without holes.
+//! The output of a line: effects in order, including journal rows, numbered without gaps.
 
 use super::event::Effect;
 use super::waiter::{OpenAttempt, Waiter};
@@ -9,28 +9,28 @@ use crate::domain::time::MonoTime;
 use crate::journal::{Attempt, AttemptId, Entry, Keep, RowNumber, Tried};
 use std::collections::VecDeque;
 
-/// What a line has said and nobody has taken yet.
+/// Effects of a line that the caller has not taken yet.
 #[derive(Debug, Default)]
 pub struct Outbox {
     effects: VecDeque<Effect>,
-    /// There is a journal.
+    /// Whether there is a journal.
     keeps: bool,
     rows: u64,
     attempts: u64,
-    /// What became of those of each drive.
+    /// The outcomes of attempts, per drive.
     commands: Vec<CommandCounts>,
     /// The moment of the event that is being handled.
     now: MonoTime,
 }
 
 impl Outbox {
-    /// One of a line of so many `drives` that says what should be kept only if somebody `keeps` it.
+    /// Creates the outbox of a line with this many `drives`. It emits journal rows only if there is a journal (`keeps`).
     #[must_use]
     pub fn new(keeps: bool, drives: usize) -> Self {
         Self { keeps, commands: vec![CommandCounts::default(); drives], ..Self::default() }
     }
 
-    /// What became of attempts to command `drive` or to write to it.
+    /// The outcomes of attempts to command `drive` or to write to it.
     #[must_use]
     pub fn commands(&self, drive: DriveIndex) -> CommandCounts {
         self.commands.get(drive.get()).copied().unwrap_or_default()
@@ -42,7 +42,7 @@ impl Outbox {
         self.keeps
     }
 
-    /// What is said from now on happens at `now`.
+    /// Sets the moment of the following effects.
     pub const fn set_time(&mut self, now: MonoTime) {
         self.now = now;
     }
@@ -52,17 +52,17 @@ impl Outbox {
         self.now
     }
 
-    /// One more effect.
+    /// Adds an effect.
     pub fn push_back(&mut self, effect: Effect) {
         self.effects.push_back(effect);
     }
 
-    /// The oldest effect.
+    /// Takes the oldest effect.
     pub fn pop_front(&mut self) -> Option<Effect> {
         self.effects.pop_front()
     }
 
-    /// Says that `entry` about `drive` should be kept. Returns the number of its row; nothing without a journal.
+    /// Adds a journal row with `entry` about `drive`. Returns its number; `None` without a journal.
     pub fn keep(&mut self, drive: DriveIndex, entry: Entry) -> Option<RowNumber> {
         if !self.keeps {
             return None;
@@ -73,20 +73,20 @@ impl Outbox {
         Some(row)
     }
 
-    /// Somebody tried to write, and it ended at once with `report`.
+    /// Records an attempt to write that ended at once with `report`.
     pub fn attempt_ended(&mut self, drive: DriveIndex, owner: Owner, tried: Tried, report: Report) {
         self.attempt(drive, owner, tried, Some(report));
         self.count_end(drive, owner, report);
     }
 
-    /// Somebody ordered something, and it was taken: `waiter` is told of its end.
+    /// Records an accepted order; `waiter` gets its outcome.
     pub fn attempt_taken(&mut self, drive: DriveIndex, owner: Owner, tried: Tried, waiter: &mut Waiter) {
         let id = self.attempt(drive, owner, tried, None);
         waiter.set_attempt(OpenAttempt { id, owner });
     }
 
-    /// Tells `waiter` what became of its command, so far or for good. The end of an attempt is kept and counted also if
-    /// nobody waits for it any more.
+    /// Sends `waiter` an interim or final report of its command. The end of an attempt is recorded and counted even if
+    /// no client waits for it any more.
     pub fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool) {
         if is_final && let Some(OpenAttempt { id, owner }) = waiter.take_attempt() {
             self.keep(waiter.drive(), Entry::Ended { attempt: id, report });

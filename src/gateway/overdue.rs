@@ -1,4 +1,4 @@
-//! How long a reply is waited for, until when one may still come late, and what its time teaches.
+//! Waiting times for replies, the time for late replies, and learning from reply times.
 
 use super::core::{Flight, LineCore};
 use super::drive::DriveOnLine;
@@ -8,12 +8,12 @@ use crate::line::exchange::{Ending, Exchange};
 use crate::line::timeouts::Class;
 use crate::wire::framing;
 
-/// PDU bytes of an exception.
+/// PDU size of an exception, in bytes.
 const EXCEPTION_BYTES: usize = 2;
 
 impl LineCore {
-    /// When the exchange on the wire becomes one that a stop for another drive ends, if it still may; or one that any stop
-    /// ends, because something that may have been the reply came damaged.
+    /// When a stop for another drive may end the exchange on the wire, if it still may; or when any stop may, because the
+    /// reply may have arrived damaged.
     pub(super) fn overdue_at(&self) -> Option<MonoTime> {
         let flight = self.flight.as_ref().filter(|flight| !flight.is_overdue)?;
         if let Some(damaged_from) = self.wire.damaged_from() {
@@ -22,8 +22,8 @@ impl LineCore {
         flight.overdue_at.filter(|_| !self.wire.has_heard_after(flight.request_end))
     }
 
-    /// Ends the wait for a drive that has answered every time before now, if another drive waits for its stop; and the
-    /// wait for a reply that may come behind a damaged one, if any drive does. What follows is what follows from a
+    /// Ends the wait for a drive that has always answered sooner, if another drive waits for its stop; and the wait for
+    /// a reply that may follow a damaged one, if any drive waits for its stop. The consequences are those of a
     /// time-out.
     pub(super) fn end_overdue_for_a_stop(&mut self, now: MonoTime) {
         let damaged_from = self.wire.damaged_from();
@@ -34,7 +34,8 @@ impl LineCore {
             return;
         }
         flight.is_overdue = true;
-        let (drive, request_end) = (flight.drive, flight.request_end);
+        let drive = flight.drive;
+        let request_end = flight.request_end;
         let waits_for_stop = |other: &DriveOnLine| other.work.has_new_stop() && (is_damaged || other.index != drive);
         let may_cut = is_damaged || !self.wire.has_heard_after(request_end);
         if !may_cut || !self.drives.iter().any(waits_for_stop) {
@@ -47,7 +48,7 @@ impl LineCore {
         }
     }
 
-    /// Learns from an exchange that has ended. What may have been the late reply to another teaches nothing.
+    /// Learns from an exchange that has ended, unless its reply may have been a late reply to another.
     pub(super) fn learn(&mut self, flight: &Flight, exchange: &Exchange, ending: &Ending) {
         let drive = &mut self.drives[flight.drive];
         let (reply, _) = match ending {
@@ -62,7 +63,7 @@ impl LineCore {
         }
     }
 
-    /// Learns from a frame of `station` that came at `now` and answers nothing that is on the wire.
+    /// Learns from a frame of `station` that arrived at `now` and answers no request on the wire.
     pub(super) fn learn_late(&mut self, now: MonoTime, station: Station, adu: &[u8]) {
         let timing = &self.timing;
         let Some(drive) = self.drives.at_station(station) else { return };

@@ -1,4 +1,4 @@
-//! The port comes and goes.
+//! Opening and loss of the port.
 
 use super::core::{LineCore, Purpose};
 use crate::domain::link::PortKind;
@@ -11,9 +11,9 @@ use crate::line::station::Missing;
 
 impl LineCore {
     pub(super) fn on_port_up(&mut self, now: MonoTime, kind: PortKind) {
-        // What was on the wire is lost, whether or not anybody has told that the port was gone.
+        // The exchange on the wire is lost, whether or not the loss of the port was reported.
         self.on_port_down(now, LineFault::Gone);
-        // A line that was mute is so until something is heard: that its port can be opened says nothing.
+        // A mute line stays mute until something is received: an open port proves nothing.
         self.health.trouble = self.health.is_mute.then_some(LineFault::Mute);
         self.state = if self.health.is_mute { LineState::Down } else { LineState::Up };
         self.is_open = true;
@@ -29,20 +29,22 @@ impl LineCore {
         self.drives.iter_mut().for_each(|drive| drive.port_opened(now));
     }
 
-    /// Everything that waits is answered: what was on the wire as not answered, the rest as not sent.
+    /// Answers everything that waits: what was on the wire as unanswered, the rest as not sent.
     pub(super) fn on_port_down(&mut self, now: MonoTime, fault: LineFault) {
         if !self.is_open {
             return;
         }
-        (self.state, self.is_open) = (LineState::Down, false);
+        self.state = LineState::Down;
+        self.is_open = false;
         self.fault = Some(fault);
         self.health.trouble = None;
         self.health.is_mute &= fault == LineFault::Mute;
         self.counters.port_downs += 1;
         if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
             if consequence(Fault::PortGone).reply_may_come_late {
-                // Its time-out had not passed yet, perhaps not even begun.
-                let (drive, sent_at) = (&mut self.drives[flight.drive], flight.request_end);
+                // Its time-out has not passed, and may not even have begun.
+                let drive = &mut self.drives[flight.drive];
+                let sent_at = flight.request_end;
                 let begun = now + drive.full_wait(&exchange.request, &self.timing);
                 let until = drive.may_come_until(begun, sent_at, &exchange.request, &self.timing);
                 drive.station.reply_missing(Missing { request: exchange.request, sent_at, until }, now);
@@ -52,7 +54,7 @@ impl LineCore {
         self.end_waiting(now);
     }
 
-    /// Answers everything that waits: it is not sent.
+    /// Answers everything that waits as not sent.
     pub(super) fn end_waiting(&mut self, now: MonoTime) {
         for work in self.drives.works_mut() {
             work.line_down(now, &mut self.effects);
@@ -61,7 +63,7 @@ impl LineCore {
         self.end_all(waiting, &NativeOutcome::Refused(Refusal::LineDown));
     }
 
-    /// Ends requests before their words have come; what else was queued for them is not needed any more.
+    /// Ends requests before their words have arrived; their other queued frames are dropped.
     pub(super) fn end_all(&mut self, waiters: Vec<WaiterId>, outcome: &NativeOutcome) {
         let had_waiters = !waiters.is_empty();
         for waiter in waiters {

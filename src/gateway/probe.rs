@@ -1,4 +1,4 @@
-//! Reads that tell whether the line sends back what is sent: before the first write, and while it does.
+//! Reads that detect an echo on the line: before the first write, and while it echoes.
 
 use super::core::{LineCore, Purpose};
 use super::decide::{Picked, is_stop, poll_request};
@@ -10,13 +10,13 @@ use crate::line::echo::LocalEcho;
 use crate::wire::pdu::Request;
 
 impl LineCore {
-    /// Whether a wish is a write that waits until a read has told about an echo. A stop never does.
+    /// Whether a wish is a write that waits until a read has shown whether the line echoes. A stop never does.
     pub(super) fn needs_probe(&self, want: &Want) -> bool {
         let is_write = !matches!(want.request, Request::ReadHolding { .. });
         self.echo.known() == LocalEcho::Unknown && is_write && !is_stop(want.rank)
     }
 
-    /// A drive whose write waits for that at `now`.
+    /// A drive whose write waits for such a read at `now`.
     pub(super) fn waits_for_probe(&self, now: MonoTime) -> Option<DriveIndex> {
         let waits = |drive: &&DriveOnLine| {
             drive.work.wants().any(|want| self.needs_probe(&want) && now >= drive.wanted_from(&want))
@@ -24,7 +24,7 @@ impl LineCore {
         self.drives.iter().find(waits).map(|drive| drive.index)
     }
 
-    /// On a line that echoes: the read that looks whether it still does.
+    /// On an echoing line: the read that checks whether it still echoes.
     pub(super) fn pick_due_probe(&mut self, now: MonoTime) -> Option<Picked> {
         if now < self.health.probe_at {
             return None;
@@ -35,8 +35,8 @@ impl LineCore {
         Some(self.probe(now, drive))
     }
 
-    /// A read whose words nobody waits for, if possible one that no late reply can be mistaken for. Whether our own bytes
-    /// come back shows with any drive, also with a silent one.
+    /// A read for its own sake, if possible one whose reply cannot be mistaken for a late one. Any drive shows whether
+    /// our own bytes return, even a silent one.
     pub(super) fn probe(&self, now: MonoTime, drive: DriveIndex) -> Picked {
         let in_turn = || self.drives.iter().cycle().skip(drive.get()).take(self.drives.len());
         let reads =

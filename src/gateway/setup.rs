@@ -1,4 +1,4 @@
-//! What a line is made of, ready to use.
+//! The description of a line, checked and ready to use.
 
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
@@ -21,30 +21,30 @@ pub struct LineSetup {
     pub timing: Timing,
     /// The drives, in the order of the configuration.
     pub drives: Vec<DriveSetup>,
-    /// What to do if what is sent comes back.
+    /// What to do if the line echoes.
     pub echo: EchoPolicy,
-    /// Whether the traffic is told from the start.
+    /// Whether traffic is reported from the start.
     pub tells_traffic: bool,
-    /// Where the epochs of its drives begin: another number at each start of the gateway.
+    /// The first epoch of its drives: a different number at each start of the gateway.
     pub first_epoch: u64,
-    /// Whether somebody may have asked its drives just before it is opened, so that a reply is still to come: an
-    /// earlier life of the gateway, or a tool.
+    /// Whether a request may have been sent to its drives just before it is opened, so that a reply may still arrive: by
+    /// a previous run of the gateway, or by a tool.
     pub asked_before: bool,
-    /// Whether commands were taken before the line was made, as when a reload brings it: what comes for its drives may be
-    /// older than it.
+    /// Whether commands were accepted before the line was created, as after a reload: a command for its drives may be
+    /// older than the line.
     pub joins_late: bool,
-    /// Whether there is a journal: what must be kept first is waited for.
+    /// Whether there is a journal: orders that must be recorded first wait for it.
     pub keeps: bool,
 }
 
 impl LineSetup {
-    /// How long a stop for one drive may have to wait.
+    /// Maximum waiting time of a stop for one drive.
     #[must_use]
     pub fn stop_bounds(&self) -> StopBounds {
         budget::stop_bounds(&self.timing, self.drives.iter().map(DriveSetup::planned))
     }
 
-    /// Between which times the own watchdog of the drive at `place` fits; on one that nobody commands, any.
+    /// The suitable range of times for the own watchdog of the drive at `place`; any time if it is read-only.
     #[must_use]
     pub fn watchdog_range(&self, place: usize) -> WatchdogRange {
         let stations: Vec<_> = self.drives.iter().map(DriveSetup::planned).collect();
@@ -57,7 +57,7 @@ impl LineSetup {
         })
     }
 
-    /// What the polls of the line cost.
+    /// The cost of the line's polls.
     #[must_use]
     pub fn budget(&self) -> Budget {
         budget::of_plan(&self.timing, self.drives.iter().map(DriveSetup::planned))
@@ -67,38 +67,38 @@ impl LineSetup {
 /// One drive of a line.
 #[derive(Clone, Debug)]
 pub struct DriveSetup {
-    /// Number on the line.
+    /// Station number on the line.
     pub station: Station,
-    /// What it is.
+    /// Its model.
     pub model: Arc<Model>,
     /// Period of its fast polls.
     pub poll: Duration,
-    /// Longest waits for a reply.
+    /// Maximum waits for a reply.
     pub timeouts: ReplyTimeouts,
-    /// How long after a time-out a reply may still come.
+    /// How long after a time-out a late reply may still arrive.
     pub max_lateness: Duration,
-    /// What may be commanded; nothing: it is read-only from everywhere.
+    /// Limits of control. `None`: it is read-only for every client.
     pub control: Option<Arc<ControlSettings>>,
-    /// What is known of it from an earlier life of the gateway.
+    /// What is known about it from a previous run of the gateway.
     pub remembered: Remembered,
 }
 
 impl DriveSetup {
-    /// What it costs the line.
+    /// Its cost on the line.
     fn planned(&self) -> PlannedStation<'_> {
         let Self { model, poll, timeouts, max_lateness, .. } = self;
         PlannedStation { model, poll: *poll, timeouts: *timeouts, max_lateness: *max_lateness }
     }
 
-    /// Time that the reply to `request` takes on the wire, and how much of it is because its characters are longer
-    /// than ours.
+    /// Time on the wire of the reply to `request`, and the part of it that is due to characters longer than ours.
     pub(super) fn reply_time(&self, request: &Request, timing: &Timing) -> (Duration, Duration) {
         self.time_of(request.reply_pdu_bytes(), timing)
     }
 
     /// The same for a frame with a PDU of `pdu_bytes`.
     pub(super) fn time_of(&self, pdu_bytes: usize, timing: &Timing) -> (Duration, Duration) {
-        let (bytes, char_bits) = (timing.adu_bytes(pdu_bytes), self.model.timing.reply_char_bits.as_ref());
+        let bytes = timing.adu_bytes(pdu_bytes);
+        let char_bits = self.model.timing.reply_char_bits.as_ref();
         let longer = longer_reply(timing, char_bits.map(|fact| fact.value), bytes);
         (timing.on_wire(bytes) + longer, longer)
     }

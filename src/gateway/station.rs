@@ -9,14 +9,14 @@ use crate::line::quality::Quality;
 use crate::line::timeouts::Class;
 
 impl LineCore {
-    /// The report of the drive whose turn it is at `now`, if one is due.
+    /// The next report due at `now`, if any.
     pub fn next_station(&mut self, now: MonoTime) -> Option<(DriveIndex, StationReport)> {
         let place = self.measured.report_due(self.drives.len(), now)?;
         let drive = DriveIndex(u16::try_from(place).ok()?);
         Some((drive, self.station(drive)?))
     }
 
-    /// The present report of the drive at `drive`; `None` if the line has none there.
+    /// The current report of the drive at `drive`; `None` if there is no such drive.
     #[must_use]
     pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
         let DriveOnLine { setup, measured, .. } = self.drives.get(drive)?;

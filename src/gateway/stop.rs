@@ -1,9 +1,8 @@
-//! A stop that is on its way: a latch per drive, not a queue entry. It is sent, repeated at a bounded rate, and holds
-//! until the drive shows its effect.
+//! A stop in progress: a latch per drive, not a queue entry. It is sent, repeated at a bounded rate, and holds until the
+//! drive shows its effect.
 //!
-//! A stop is effective when its echo came in an exchange that no late reply could be mistaken for, and later readings
-//! show that the drive is not ordered to run any more, or the output frequency at zero, or twice at or below the one
-//! before and falling.
+//! A stop is effective once it was acknowledged in an exchange beyond doubt, and later readings show that the drive is no
+//! longer ordered to run, or an output frequency that is zero, or falling and twice not above the previous reading.
 
 use super::falling::FallWatch;
 use super::outbox::Outbox;
@@ -15,73 +14,73 @@ use crate::guard::StopOrder;
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
-/// Most commanders that wait for one stop. The next is told at once that the stop is on its way.
+/// Maximum number of clients that wait for one stop. Any further one is answered at once that the stop is in progress.
 pub const WAITERS_MAX: usize = 64;
-/// First wait before a stop without effect is repeated; doubled up to the longest.
+/// First wait before a stop without effect is repeated; doubled up to the maximum.
 const REPEAT_FIRST: Duration = Duration::from_millis(500);
-/// Longest such wait.
+/// Maximum such wait.
 const REPEAT_MAX: Duration = Duration::from_secs(4);
-/// Time between two looks at the output frequency: enough for a ramp to show.
+/// Time between two reads of the output frequency: enough for a ramp to show.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// Looks in a row that may stay without an answer before the drive counts as away.
+/// Consecutive unanswered reads before the drive counts as away.
 const LOOKS_BEFORE_AWAY: u8 = 3;
-/// Time between two looks for a drive that is away: it is met soon when it is back, and costs the others little.
+/// Time between two reads of a drive that is away: its return is noticed soon, at little cost to the others.
 const LOOK_WHEN_AWAY: Duration = Duration::from_secs(2);
 
-/// One stop that is not effective yet.
+/// A stop that is not effective yet.
 #[derive(Debug)]
 pub struct StopLatch {
     order: StopOrder,
     waiters: Vec<Waiter>,
-    /// When the first of the stops that led to this one was accepted: since then an effect is awaited.
+    /// When the first of the stops merged here was accepted: an effect is expected since then.
     awaited_since: MonoTime,
     /// When the last of them was accepted.
     accepted_at: MonoTime,
-    /// It went to all drives of the line at once.
+    /// It was broadcast to all drives of the line.
     was_broadcast: bool,
-    /// How often it was sent.
+    /// Number of times it was sent.
     sent: u32,
     send_at: MonoTime,
-    /// The drive has answered it in an exchange without doubt.
+    /// The drive has acknowledged it beyond doubt.
     is_acknowledged: bool,
-    /// The drive refused every form of it: it is settled once the motor stands still.
+    /// The drive refused every form of it: it is settled once the motor is at standstill.
     was_refused: bool,
-    /// In which of its forms it goes next, and how many the drive has refused so far.
+    /// The form in which it is sent next, and the number of forms refused so far.
     form: usize,
     refusals: usize,
-    /// The last frame had no answer at all: it goes again as soon as the drive shows itself.
+    /// The last frame was not answered: it is sent again as soon as the drive responds to anything.
     is_unanswered: bool,
     look_at: MonoTime,
     watch: FallWatch,
-    /// Looks that were answered: what is looked at changes with each.
+    /// Number of answered reads; the register to read changes with each.
     looks: usize,
-    /// Looks in a row without an answer.
+    /// Consecutive unanswered reads.
     missed_looks: u8,
     was_told_late: bool,
-    /// Since when the drive is offline, as long as it is.
+    /// Since when the drive has been offline, if it is.
     offline_since: Option<MonoTime>,
-    /// When it was declared for a commander that was lost or a gateway that ends; nothing if somebody commanded it, or it
+    /// When it was declared because of a lost client or a shutdown of the gateway; `None` if a client commanded it, or it
     /// was left to the drive's own watchdog.
     declared_at: Option<MonoTime>,
-    /// Neither it nor a look goes before this moment.
+    /// Neither it nor a read is sent before this moment.
     silent_until: MonoTime,
-    /// It was ordered in an earlier life of the gateway, and nothing was sent for it in this one.
+    /// It was ordered before a restart of the gateway, and nothing was sent for it since.
     is_remembered: bool,
 }
 
-/// What became of the stop on an event.
+/// The state of the stop after an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// Nothing to tell.
+    /// Nothing to report.
     None,
     /// No effect in time.
     NotEffective,
-    /// The drive stayed away for too long; nothing is repeated any more.
+    /// The drive stayed offline for too long; the stop is no longer repeated.
     Dropped,
 }
 
 impl StopLatch {
-    /// A stop that was accepted at `now` and goes as soon as the wire is free.
+    /// A stop that was accepted at `now` and is sent as soon as the wire is free.
     #[must_use]
     pub fn new(order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Self {
         Self {
@@ -109,15 +108,15 @@ impl StopLatch {
         }
     }
 
-    /// A stop of an earlier life of the gateway. As for a drive that was away, it is looked at first: at standstill the
-    /// stop is settled, otherwise it goes out.
+    /// A stop from before a restart of the gateway. Like a drive that was away, the drive is read first: at standstill the
+    /// stop is settled, otherwise it is sent.
     #[must_use]
     pub fn remembered(order: StopOrder, now: MonoTime) -> Self {
         let away = Self { sent: 1, look_at: now, missed_looks: LOOKS_BEFORE_AWAY, ..Self::new(order, None, now) };
         Self { is_remembered: true, ..away }
     }
 
-    /// Nobody commanded it: it was declared at `now`.
+    /// Marks it as declared at `now`, not commanded.
     pub const fn was_declared(&mut self, now: MonoTime) {
         self.declared_at = Some(now);
     }
@@ -128,13 +127,14 @@ impl StopLatch {
         self.declared_at
     }
 
-    /// It is left to the drive's own watchdog until `moment`: neither it nor a look goes before.
+    /// Leaves it to the drive's own watchdog until `moment`: neither it nor a read is sent before.
     pub const fn leave_until(&mut self, moment: MonoTime) {
-        (self.silent_until, self.declared_at) = (moment, None);
+        self.silent_until = moment;
+        self.declared_at = None;
     }
 
-    /// Another stop for the same drive. One of the same kind is this one: it goes on being sent at its own rate, however
-    /// many ask for it. One of another kind takes its place and goes out at once. Returns whether it is of another kind.
+    /// Merges another stop for the same drive. One of the same kind joins this one, which keeps its own rate however many
+    /// clients ask for it. One of another kind replaces it and is sent at once. Returns whether it is of another kind.
     pub fn also(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: &mut Outbox) -> bool {
         self.accepted_at = now;
         let is_other = order != self.order;
@@ -144,8 +144,10 @@ impl StopLatch {
             *self = Self { waiters, awaited_since, was_told_late, offline_since, ..Self::new(order, None, now) };
         }
         if waiter.is_some() && now < self.silent_until {
-            // Somebody stops it now: that goes before whatever was to come of silence.
-            (self.silent_until, self.send_at, self.declared_at) = (MonoTime::ZERO, now, Some(now));
+            // A client stops it now: that takes precedence over waiting for the watchdog.
+            self.silent_until = MonoTime::ZERO;
+            self.send_at = now;
+            self.declared_at = Some(now);
         }
         if let Some(waiter) = waiter {
             self.join(waiter, out);
@@ -153,7 +155,7 @@ impl StopLatch {
         is_other
     }
 
-    /// One more waits for it, if there is room.
+    /// Adds a waiting client, if there is room.
     pub fn join(&mut self, mut waiter: Waiter, out: &mut Outbox) {
         if self.waiters.len() >= WAITERS_MAX {
             return out.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::StopPending), true);
@@ -165,12 +167,13 @@ impl StopLatch {
             self.waiters.push(waiter);
         }
         if std::mem::take(&mut self.is_remembered) {
-            // Now it is ordered in this life, and waits for no look.
-            (self.sent, self.missed_looks) = (0, 0);
+            // It is now ordered in this run, and waits for no read.
+            self.sent = 0;
+            self.missed_looks = 0;
         }
     }
 
-    /// What goes on the wire and from when.
+    /// The frame to send, and the earliest moment.
     #[must_use]
     pub fn frame(&self) -> (MonoTime, Request) {
         let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at.max(self.silent_until) };
@@ -183,14 +186,14 @@ impl StopLatch {
         self.order.word()
     }
 
-    /// Its frame, if that has gone to nobody yet, neither to this drive nor to all at once.
+    /// Its frame, if it has not been sent yet, neither to this drive nor as a broadcast.
     #[must_use]
     pub fn unsent(&self) -> Option<Request> {
         (self.is_first() && !self.was_broadcast).then(|| self.frame().1)
     }
 
-    /// It went to all drives of the line in one frame. Nobody answers that, so its own frame still follows. Returns when
-    /// it was accepted.
+    /// It was broadcast to all drives of the line. A broadcast is not answered, so its own frame still follows. Returns
+    /// when it was accepted.
     pub const fn was_broadcast(&mut self) -> MonoTime {
         self.was_broadcast = true;
         self.accepted_at
@@ -202,31 +205,31 @@ impl StopLatch {
         now < self.silent_until
     }
 
-    /// Whether it has never been sent: such frames go before repeats.
+    /// Whether it has never been sent: such frames take precedence over repeats.
     #[must_use]
     pub const fn is_first(&self) -> bool {
         self.sent == 0
     }
 
-    /// From when the output frequency should be looked at.
+    /// When the output frequency should be read next.
     #[must_use]
     pub const fn look_at(&self) -> MonoTime {
         self.look_at
     }
 
-    /// How many looks were answered.
+    /// Number of answered reads.
     #[must_use]
     pub const fn looks(&self) -> usize {
         self.looks
     }
 
-    /// Whether the alarm was given.
+    /// Whether the alarm was raised.
     #[must_use]
     pub const fn is_late(&self) -> bool {
         self.was_told_late
     }
 
-    /// Its frame goes out at `now`.
+    /// Its frame is sent at `now`.
     pub fn was_sent(&mut self, now: MonoTime) {
         let doublings = self.sent.min(8);
         self.sent = self.sent.saturating_add(1);
@@ -235,13 +238,13 @@ impl StopLatch {
         self.look_at = MonoTime::NEVER;
     }
 
-    /// The drive answered as it should. Only without `doubt` is it an acknowledgement: the late echo of an earlier stop
-    /// looks the same. Returns what those who wait are to be told.
+    /// The drive replied as expected. Only without `doubt` is that an acknowledgement: the late reply to an earlier stop
+    /// looks the same. Returns the report for the waiting clients.
     pub fn echoed(&mut self, now: MonoTime, doubt: bool) -> Option<Report> {
         self.look_at = now;
         if doubt {
-            // The look that follows settles what was missing. Only then it goes again, and that echo is without doubt:
-            // the stops of two drives that did not wait for their looks would keep both from ever being looked at.
+            // The read that follows settles missing replies. Only then is it sent again, and that reply is beyond doubt.
+            // Without waiting for their reads, the stops of two drives would keep each other from ever being read.
             self.is_unanswered = true;
             return None;
         }
@@ -253,9 +256,9 @@ impl StopLatch {
         Some(Report::new(Outcome::Acknowledged, Reason::None))
     }
 
-    /// The drive refused it in its present form: another one that its model declares goes at once. Where it has refused
-    /// all of them, it goes again in its time; meanwhile the drive is looked at, and at standstill there is nothing left
-    /// to stop. Returns whether no other form is left.
+    /// The drive refused it in its current form: the next form that its model declares is sent at once. If it has refused
+    /// all of them, the stop is repeated as usual; meanwhile the drive is read, and at standstill there is nothing left to
+    /// stop. Returns whether no other form is left.
     pub fn refused(&mut self, now: MonoTime) -> bool {
         self.look_at = now;
         self.form = (self.form + 1) % self.order.forms();
@@ -274,20 +277,21 @@ impl StopLatch {
         self.was_refused && !self.is_acknowledged
     }
 
-    /// Whether the drive has answered it in an exchange without doubt.
+    /// Whether the drive has acknowledged it beyond doubt.
     #[must_use]
     pub const fn is_acknowledged(&self) -> bool {
         self.is_acknowledged
     }
 
-    /// The frame had no good answer: it goes again, at once when the drive shows itself.
+    /// The frame had no valid reply: it is sent again, at once when the drive responds to anything.
     pub fn unanswered(&mut self, now: MonoTime) {
-        (self.look_at, self.is_unanswered) = (now, true);
+        self.look_at = now;
+        self.is_unanswered = true;
     }
 
-    /// Takes a reading of the output frequency that was asked for after the last frame. Whether the stop is effective.
+    /// Takes a reading of the output frequency requested after the last frame. Returns whether the stop is effective.
     ///
-    /// A drive that was away is read before it is stopped: at standstill the stop is settled, otherwise it goes out.
+    /// A drive that was away is read before it is stopped: at standstill the stop is settled, otherwise it is sent.
     /// `runs`: its status shows it ordered to run.
     pub fn takes_effect(&mut self, raw: u16, runs: bool, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
@@ -304,7 +308,7 @@ impl StopLatch {
         rests || (self.is_acknowledged && self.watch.is_falling())
     }
 
-    /// Takes what the drive's status shows: whether it is ordered to run. Whether the stop is effective.
+    /// Takes a reading of the status: whether the drive is ordered to run. Returns whether the stop is effective.
     pub fn shows(&mut self, running: bool, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
         if !self.is_away() || running {
@@ -313,12 +317,12 @@ impl StopLatch {
         self.is_acknowledged && !running
     }
 
-    /// A look was answered.
+    /// A read was answered.
     pub const fn was_looked_at(&mut self) {
         self.looks = self.looks.wrapping_add(1);
     }
 
-    /// The drive answers: what was not answered goes again at once.
+    /// The drive responds again: an unanswered stop is sent again at once.
     fn is_back(&mut self, now: MonoTime) {
         self.is_remembered = false;
         let was_away = self.is_away();
@@ -328,13 +332,13 @@ impl StopLatch {
         }
     }
 
-    /// The drive cannot be asked. What it has acknowledged proves nothing when it can be asked again: others may have
-    /// started it in between.
+    /// The drive cannot be asked. Its acknowledgement proves nothing once it can be asked again: others may have started
+    /// it in between.
     pub const fn out_of_sight(&mut self) {
         self.is_acknowledged = false;
     }
 
-    /// The look was not answered.
+    /// The read was not answered.
     pub fn look_failed(&mut self, now: MonoTime) {
         self.missed_looks = self.missed_looks.saturating_add(1);
         self.look_at = now + if self.is_away() { LOOK_WHEN_AWAY } else { LOOK_EVERY };
@@ -343,12 +347,12 @@ impl StopLatch {
         }
     }
 
-    /// The drive does not answer looks: it is not sent to before it is seen.
+    /// Whether the drive does not answer reads: no stop is sent before it does.
     const fn is_away(&self) -> bool {
         self.missed_looks >= LOOKS_BEFORE_AWAY
     }
 
-    /// What time alone brings about.
+    /// Changes caused by time alone.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, control: &ControlSettings) -> Turn {
         self.offline_since = is_offline.then(|| self.offline_since.unwrap_or(now));
         if self.drop_at(control).is_some_and(|at| now >= at) {
@@ -361,30 +365,30 @@ impl StopLatch {
         Turn::None
     }
 
-    /// When [`Self::pass`] has something to say; nothing while it goes on as it does for a drive that answers.
+    /// When [`Self::pass`] is due; `None` while the drive answers and nothing expires.
     #[must_use]
     pub fn next_wake(&self, control: &ControlSettings) -> Option<MonoTime> {
         [self.drop_at(control), self.late_at(control)].into_iter().flatten().min()
     }
 
-    /// Nothing is repeated any more for a drive that has been offline for so long since it was last to stop.
+    /// When the stop is dropped because the drive has been offline for too long since the last order to stop.
     fn drop_at(&self, control: &ControlSettings) -> Option<MonoTime> {
         self.offline_since.map(|since| since.max(self.accepted_at) + control.stop_pending_for)
     }
 
-    /// When the alarm is due, unless it was given.
+    /// When the alarm is due, unless it was raised.
     fn late_at(&self, control: &ControlSettings) -> Option<MonoTime> {
         (!self.was_told_late).then(|| self.awaited_since + control.stop_effect_timeout)
     }
 
-    /// What those who wait are told when it is late: whether the drive ever answered makes the difference.
+    /// The report for waiting clients when it is late: it depends on whether the drive ever answered.
     #[must_use]
     pub const fn late_report(&self) -> Report {
         let reason = if self.is_acknowledged { Reason::NotEffective } else { Reason::NoReply };
         Report::new(Outcome::Unknown, reason)
     }
 
-    /// Those who wait.
+    /// The waiting clients.
     pub fn waiters(&mut self) -> &mut Vec<Waiter> {
         &mut self.waiters
     }

@@ -1,4 +1,4 @@
-//! What goes over the wire is told to whoever watches the line, and to nobody else.
+//! Reports the traffic on the wire to watchers of the line only.
 
 use super::core::{LineCore, Purpose};
 use super::event::Effect;
@@ -8,12 +8,12 @@ use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
 use crate::line::exchange::Heard;
 
 impl LineCore {
-    /// Whether the traffic is told from now on.
+    /// Sets whether traffic is reported.
     pub const fn tell_traffic(&mut self, tells: bool) {
         self.tells_traffic = tells;
     }
 
-    /// A `frame` of ours is handed to the port at `now`: tells it, behind what was heard before it.
+    /// Reports a `frame` of ours, handed to the port at `now`, after what was received before it.
     pub(super) fn transmit(&mut self, now: MonoTime, frame: Vec<u8>, why: Why) {
         let record = self.tells_traffic.then(|| TrafficRecord {
             kind: TrafficKind::Request,
@@ -22,7 +22,7 @@ impl LineCore {
             begin: now,
             end: now + self.timing.on_wire(frame.len()),
         });
-        // Nobody who watches holds up the frame.
+        // Watchers do not delay the frame.
         self.effects.push_back(Effect::Transmit(frame));
         let Some(record) = record else { return };
         let before = self.wire.heard().get(self.told_ahead..).unwrap_or_default();
@@ -31,7 +31,7 @@ impl LineCore {
         before.into_iter().chain([Effect::Traffic(record)]).for_each(|effect| self.effects.push_back(effect));
     }
 
-    /// Tells what was `heard`, unless it was told already in front of a frame of ours.
+    /// Reports what was `heard`, unless it was already reported before a frame of ours.
     pub(super) fn tell_of(&mut self, heard: Heard) {
         if self.told_ahead > 0 {
             self.told_ahead -= 1;

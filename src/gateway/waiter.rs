@@ -1,4 +1,4 @@
-//! Who waits for what becomes of a command, and in which words it is told.
+//! Clients that wait for the outcome of a command, and the form of their answers.
 
 use super::event::Effect;
 use crate::domain::command::{CommandAnswer, Outcome, Owner, Reason, Report};
@@ -6,7 +6,7 @@ use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome, Refusal};
 use crate::journal::AttemptId;
 
-/// One commander that waits for a report.
+/// A client that waits for a report.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Waiter {
     asker: AskerId,
@@ -15,9 +15,9 @@ pub struct Waiter {
     is_native: bool,
     /// A native writer was answered.
     is_answered: bool,
-    /// The number of its command among those of the drive; nothing while it is none.
+    /// The number of its command among those of the drive; `None` if it has none yet.
     number: Option<u16>,
-    /// The attempt whose end is still to be kept and counted.
+    /// The attempt whose end is still to be recorded and counted.
     attempt: Option<OpenAttempt>,
 }
 
@@ -26,33 +26,34 @@ pub struct Waiter {
 pub struct OpenAttempt {
     /// Its number.
     pub id: AttemptId,
-    /// Whose it is.
+    /// Its owner.
     pub owner: Owner,
 }
 
 impl Waiter {
-    /// Somebody who gave a command.
+    /// A client that gave a command.
     #[must_use]
     pub const fn of_command(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
         Self { asker, ticket, drive, is_native: false, is_answered: false, number: None, attempt: None }
     }
 
-    /// Somebody who wrote to the drive's own registers.
+    /// A client that wrote to the drive's own registers.
     #[must_use]
     pub const fn of_write(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
         let is_native = true;
         Self { asker, ticket, drive, is_native, is_answered: false, number: None, attempt: None }
     }
 
-    /// Nobody waits: only the end of the attempt is to be kept and counted.
+    /// No client waits: only the end of the attempt is recorded and counted.
     #[must_use]
     pub const fn of_nobody(drive: DriveIndex) -> Self {
-        let (asker, ticket) = (AskerId::LOCAL, Ticket(0));
+        let asker = AskerId::LOCAL;
+        let ticket = Ticket(0);
         Self { asker, ticket, drive, is_native: true, is_answered: true, number: None, attempt: None }
     }
 
-    /// The answer with `report`, if this waiter is still to be told it. A native writer is answered once: at the
-    /// drive's acknowledgement, or at the end.
+    /// The answer with `report`, if this waiter still expects one. A native writer is answered once: at the drive's
+    /// acknowledgement, or at the end.
     pub fn answer(&mut self, report: Report, is_final: bool) -> Option<Effect> {
         let Self { asker, ticket, drive, .. } = *self;
         if !self.is_native {
@@ -66,7 +67,7 @@ impl Waiter {
         Some(Effect::Answer(NativeAnswer { asker, ticket, outcome: native_outcome(report) }))
     }
 
-    /// Whether `asker` is who waits.
+    /// Whether `asker` is the waiting client.
     #[must_use]
     pub fn is_of(&self, asker: AskerId) -> bool {
         self.asker == asker
@@ -78,7 +79,7 @@ impl Waiter {
         self.number
     }
 
-    /// Numbers its command.
+    /// Sets the number of its command.
     pub const fn set_number(&mut self, number: u16) {
         self.number = Some(number);
     }
@@ -89,17 +90,17 @@ impl Waiter {
         self.drive
     }
 
-    /// The end of this attempt is to be kept and counted.
+    /// Sets the attempt whose end is to be recorded and counted.
     pub const fn set_attempt(&mut self, attempt: OpenAttempt) {
         self.attempt = Some(attempt);
     }
 
-    /// The attempt whose end is still to be kept and counted: once.
+    /// Takes the attempt whose end is still to be recorded and counted.
     pub const fn take_attempt(&mut self) -> Option<OpenAttempt> {
         self.attempt.take()
     }
 
-    /// Whether nothing will be told any more, to whoever waits, to the journal or to the counts.
+    /// Whether nothing more is due: to the waiting client, the journal or the counts.
     #[must_use]
     pub const fn is_done(&self) -> bool {
         self.is_answered && self.attempt.is_none()

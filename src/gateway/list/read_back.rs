@@ -1,5 +1,4 @@
-//! What the drive shows of a command: each condition of its steps is read until it is met, or for as long as it may
-//! take.
+//! Read-back of a command: each condition of its steps is read until it is met, or until its time is over.
 
 use super::{List, Next, Stage, writes_of};
 use crate::domain::command::{Outcome, Reason, Report};
@@ -7,17 +6,18 @@ use crate::domain::time::MonoTime;
 use crate::drive::steps::Condition;
 use std::time::Duration;
 
-/// How often a read is sent before it is given up.
+/// Maximum number of attempts for a read.
 const READS_MAX: u8 = 3;
-/// Time between two looks at something that is still to show.
+/// Time between two reads of a condition that is not met yet.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 impl List {
-    /// What `word` says of the condition `shown` of the step at `index`, and of those behind it that stand in the same
+    /// Checks `word` against the condition `shown` of the step at `index`, and against the following ones in the same
     /// register.
     pub(super) fn shown(&mut self, index: usize, shown: usize, word: u16, now: MonoTime) -> Next {
         let Some(condition) = self.condition(index, shown) else { return self.end() };
-        let (address, within) = (condition.address, condition.within);
+        let address = condition.address;
+        let within = condition.within;
         let of_register = (shown..).map_while(|at| self.condition(index, at)).take_while(|it| it.address == address);
         let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met(word)));
         if all_met {
@@ -43,7 +43,7 @@ impl List {
         }
         let mut behind = self.approved.steps().iter().skip(index + 1);
         match self.next_shown(index + 1) {
-            // The writes behind one that was not answered were never sent.
+            // The writes after an unanswered one were never sent.
             _ if resolves && behind.any(|step| !writes_of(step).is_empty()) => {
                 Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
             }
@@ -55,7 +55,7 @@ impl List {
         }
     }
 
-    /// The step at `index` was not answered: what it shows is looked at, if it shows anything.
+    /// The step at `index` was not answered: its conditions are read, if it has any.
     pub(super) fn resolve(&mut self, index: usize) -> Next {
         let report = Report::new(Outcome::Unknown, Reason::NoReply);
         if self.condition(index, 0).is_none() {
@@ -66,7 +66,9 @@ impl List {
     }
 
     pub(super) fn look_at(&mut self, stage: Stage) {
-        (self.stage, self.in_vain, self.shown_until) = (stage, 0, None);
+        self.stage = stage;
+        self.in_vain = 0;
+        self.shown_until = None;
     }
 
     pub(super) fn read_again(&mut self) -> Next {
@@ -82,7 +84,7 @@ impl List {
         })
     }
 
-    /// The first step from `from` on whose effect the drive shows.
+    /// The first step from `from` on with a visible effect.
     pub(super) fn next_shown(&self, from: usize) -> Option<usize> {
         (from..self.approved.steps().len()).find(|index| self.condition(*index, 0).is_some())
     }

@@ -1,4 +1,4 @@
-//! Lists that no simulated drive takes to their ends: rests, repeats, and looks that need patience.
+//! Cases that no simulated drive reaches: rests, repeats, and slow read-backs.
 
 use super::*;
 use crate::domain::command::{CommandRequest, Direction, Go, Manner, Origin, Owner, RegisterWrite, Rights};
@@ -18,7 +18,7 @@ const SETTING: u16 = 0x0201;
 const RUNNING: u16 = 1;
 const TRIPPED: u16 = 8;
 const DEAF: Duration = Duration::from_secs(2);
-/// What is told while the list goes on, and when a write had no answer.
+/// Results of a step while the list continues, and after an unanswered write.
 const ACKNOWLEDGED: Next = Next::Goes(Some(Report::new(Outcome::Acknowledged, Reason::None)));
 const IN_DOUBT: Next = Next::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)));
 const QUIETLY: Next = Next::Goes(None);
@@ -62,14 +62,14 @@ fn go(frequency: Option<u16>, run: Option<Direction>) -> Order {
     Order::Go(Go::new(Vec::new(), frequency.map(Hertz::from_centihertz), run).unwrap())
 }
 
-/// A drive with a status word that is deaf after a reset.
+/// A drive with a status word that ignores requests after a reset.
 fn deaf() -> Model {
     let mut model = with_status();
     model.quirks.deaf_after_reset = Some(fact(DEAF));
     model
 }
 
-/// The next request goes out; it writes `value` to the run command.
+/// The next request is sent; it writes `value` to the run command.
 #[track_caller]
 fn sends(list: &mut List, value: u16) -> MonoTime {
     let (at, request) = list.request().unwrap();
@@ -78,7 +78,7 @@ fn sends(list: &mut List, value: u16) -> MonoTime {
     at
 }
 
-/// The next request goes out; it reads the word at `address`.
+/// The next request is sent; it reads the word at `address`.
 #[track_caller]
 fn reads(list: &List, address: u16) -> MonoTime {
     let (at, request) = list.request().unwrap();
@@ -116,7 +116,7 @@ fn a_reset_that_is_answered_rests_and_is_looked_at_afterwards() {
     assert_eq!(holds(&mut list, 0, NOW), QUIETLY);
     let until = list.rest_at(NOW).unwrap();
     assert_eq!(until, NOW + DEAF);
-    assert_eq!(list.request(), None, "nothing goes before");
+    assert_eq!(list.request(), None, "nothing is sent before");
     assert_eq!(list.rest(until), ACKNOWLEDGED);
     assert_eq!(reads(&list, STATUS), until);
     assert_eq!(word(&mut list, 0, until), ends(Outcome::Confirmed, Reason::None));
@@ -237,7 +237,8 @@ fn what_is_to_show_is_looked_at_with_patience() {
         }
         reads(&list, SETTING);
         assert_eq!(word(&mut list, 2000, NOW), QUIETLY);
-        let (mut now, mut looks) = (NOW, 0);
+        let mut now = NOW;
+        let mut looks = 0;
         let last = loop {
             now = now.max(reads(&list, STATUS));
             looks += 1;
@@ -354,7 +355,7 @@ fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
     begun.was_sent();
     assert!(!begun.is_replaced_by(&newer()), "its frame is on the wire");
     let other = list_by(&model, go(Some(2500), None), Owner::Local);
-    assert!(!list(&model, go(Some(2000), None)).is_replaced_by(&other), "somebody else's");
+    assert!(!list(&model, go(Some(2000), None)).is_replaced_by(&other), "another owner's");
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! A stop that is ordered again: whether what the drive shows bears out that there is nothing to stop, and who stops it
-//! again and again although others start it.
+//! Repeated orders to stop: whether the drive's readings confirm that there is nothing to stop, and which client keeps
+//! stopping it although others start it.
 
 use super::{DriveWork, Out};
 use crate::domain::command::{CommandRequest, Order, Owner, RunIntent};
@@ -14,23 +14,23 @@ use crate::journal::Tried;
 use crate::profile::model::{Flag, PollClass};
 use std::time::Duration;
 
-/// Readings at standstill that bear out a stop that was answered from memory: the first may have been asked for before
-/// it. A ramp bears out nothing, because a motor that was started the other way falls as well.
+/// Number of standstill readings that confirm a stop answered from memory: the first may have been requested before
+/// it. A ramp confirms nothing, because the speed of a motor started in the other direction falls as well.
 const READINGS: u8 = 2;
 
-/// A stop that was answered from memory.
+/// A stop answered from memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Answered {
     by: Owner,
     coast: bool,
-    /// Readings that are still to come.
+    /// Number of readings still required.
     left: u8,
-    /// Since when the drive is out of sight, if it is.
+    /// Since when the drive cannot be read, if so.
     lost_at: Option<MonoTime>,
 }
 
 impl Answered {
-    /// The drive is out of sight at `now`: what it has shown before bears out nothing any more.
+    /// The drive cannot be read at `now`: earlier readings confirm nothing any more.
     pub(super) fn out_of_sight(&mut self, now: MonoTime) {
         self.left = READINGS;
         self.lost_at.get_or_insert(now);
@@ -38,22 +38,22 @@ impl Answered {
 }
 
 impl DriveWork {
-    /// The same work of a drive that is polled at this pace.
+    /// Sets the drive's poll pace.
     #[must_use]
     pub fn polled(self, pace: Pace) -> Self {
         Self { pace, ..self }
     }
 
-    /// Whether fresh readings show that the motor does not run, or ramps down because of a stop of ours.
+    /// Whether fresh readings show that the motor is not running, or is ramping down because of a stop of ours.
     pub(super) fn rests(&self, now: MonoTime) -> bool {
-        // A refused stop goes again, but not in every cycle of a controller.
+        // A refused stop is sent again, but not in every cycle of a controller.
         let waits = |at: MonoTime| self.guard.control().is_some_and(|it| now.since(at) < it.stop_effect_timeout);
         let may_wait = !self.is_stop_refused || self.stop_refused_at.is_some_and(waits);
         let ramps_down = self.is_stopping && self.latch.is_none() && self.output.falls();
         may_wait && self.is_fresh(now) && (self.is_at_standstill() || ramps_down)
     }
 
-    /// Whether what is known of the motor was read not longer ago than its values may be old.
+    /// Whether the readings of the motor are fresh.
     pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
         let is_fresh = |address: u16, at: Option<MonoTime>| {
             let class = self.model.register_at(address).and_then(|register| register.poll);
@@ -65,13 +65,13 @@ impl DriveWork {
         output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
     }
 
-    /// Whether the motor turns otherwise than the ramp of a stop of ours explains.
+    /// Whether the motor turns in a way that the ramp of our own stop does not explain.
     pub(super) fn has_left_its_ramp(&self) -> bool {
         let (Some((_, hertz)), Some(control)) = (self.output_register, self.guard.control()) else { return false };
         self.status.is_running() != Some(false) && self.output.has_left_its_ramp(hertz, control.stop_effect_timeout)
     }
 
-    /// Whether the motor runs and nobody has ordered that here.
+    /// Whether the motor runs without an order from this gateway.
     pub(super) fn runs_by_others(&self) -> bool {
         let is_ordered = matches!(self.guard.intent(), RunIntent::Run(_));
         self.is_moving() && !is_ordered && !self.is_stopping && self.latch.is_none()
@@ -83,11 +83,11 @@ impl DriveWork {
         self.answered = Some(Answered { by: command.origin.owner, coast, left: READINGS, lost_at: None });
     }
 
-    /// The drive has shown something. If it runs although a stop was just answered from memory, that goes out after all.
+    /// Takes a new reading. If the drive runs although a stop was just answered from memory, the stop is sent after all.
     pub(super) fn bear_out(&mut self, shows_output: bool, now: MonoTime, out: Out<'_>) {
         let Some(answered) = &mut self.answered else { return };
         let pending_for = self.guard.control().map_or(Duration::ZERO, |it| it.stop_pending_for);
-        // One that is out of sight for longer than a stop waits for it may be started, as may any other.
+        // A drive that is unreadable for longer than a stop waits for it may be started like any other.
         let is_late = answered.lost_at.take().is_some_and(|at| now.since(at) >= pending_for);
         let is_over = is_late || self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
         let by_reading = shows_output && self.output.is_at_standstill();
@@ -110,7 +110,7 @@ impl DriveWork {
         self.stop(order, Some(waiter), now, out);
     }
 
-    /// The drive runs by an order of others, and `by` stops it.
+    /// `by` stops the drive, which runs by an order from elsewhere.
     pub(super) fn is_stopped_by(&mut self, by: Owner, now: MonoTime, out: Out<'_>) {
         let before = self.again.filter(|it| it.by == by && now.since(it.at) < StoppedAgain::WITHIN);
         let times = before.map_or(0, |it| it.times).saturating_add(1);

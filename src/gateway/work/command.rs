@@ -1,4 +1,4 @@
-//! A drive is commanded: the review, and what becomes of what waits.
+//! Commands for a drive: their review, and the fate of queued ones.
 
 use super::Rank;
 use super::{COMMANDS_MAX, DriveWork, Out};
@@ -16,11 +16,12 @@ use crate::journal::{Entry, Tried};
 use std::collections::VecDeque;
 
 impl DriveWork {
-    /// Somebody commands.
+    /// Handles a command.
     pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
         self.has_changed = true;
         let is_full = self.waiting.len() >= COMMANDS_MAX && !(command.order.is_stop() || command.order.is_no_attempt());
-        let (owner, tried) = (command.origin.owner, || Tried::Order(command.order.clone()));
+        let owner = command.origin.owner;
+        let tried = || Tried::Order(command.order.clone());
         let runs_by_others = self.runs_by_others();
         let verdict =
             if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
@@ -68,7 +69,7 @@ impl DriveWork {
                 let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
                 self.is_stopping &= !runs;
                 if runs {
-                    // Newer than a stop that was answered from memory.
+                    // Newer than a stop answered from memory.
                     self.answered = None;
                 }
                 self.count(&mut waiter);
@@ -82,7 +83,7 @@ impl DriveWork {
         }
     }
 
-    /// The gateway ends: the declared action.
+    /// Runs the declared action because the gateway shuts down.
     pub fn shut_down(&mut self, now: MonoTime, out: Out<'_>) {
         if let Some(lost) = self.guard.shut_down(now) {
             out.push_back(Effect::Note(self.drive, Note::ShuttingDown(lost.action)));
@@ -105,7 +106,7 @@ impl DriveWork {
         }
     }
 
-    /// There is no port to send to: whoever waits for a stop is told so at once. The stop stays pending.
+    /// There is no port to send to: clients that wait for a stop are informed at once. The stop stays pending.
     pub fn stop_waits_for_the_line(&mut self, out: Out<'_>) {
         let waiters = self.latch.as_mut().map(|latch| std::mem::take(latch.waiters()));
         for mut waiter in waiters.into_iter().flatten() {
@@ -113,7 +114,7 @@ impl DriveWork {
         }
     }
 
-    /// Cancels every order to move: nobody stands behind it any more, or the drive cannot follow it.
+    /// Cancels every order to move: it has no owner any more, or the drive cannot follow it.
     pub(super) fn cut_motion(&mut self, reason: Reason, out: Out<'_>) {
         let moves =
             |list: &List| matches!(list.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
@@ -130,13 +131,13 @@ impl DriveWork {
         }
     }
 
-    /// The client behind `asker` is gone: its commands of which nothing was written are not sent. A stop is no list and
-    /// stays. Returns how many they were.
+    /// The client `asker` is gone: its commands that have not begun are dropped. A stop is not a list and stays. Returns
+    /// the number of dropped commands.
     pub fn withdraw(&mut self, asker: AskerId, out: Out<'_>) -> u64 {
         self.withdraw_all(|list| list.is_of(asker), Report::refused(Reason::CommanderLost), out)
     }
 
-    /// Control was taken over: what the one before has ordered and has not begun is not sent, the rest goes on.
+    /// Control was taken over: orders of the previous owner that have not begun are dropped, the rest continues.
     fn taken(&mut self, from: Option<Owner>, by: Owner, out: Out<'_>) {
         out.push_back(Effect::Note(self.drive, Note::Taken { from, by }));
         self.withdraw_all(|list| Some(list.owner()) == from, Report::held_by(by), out);
@@ -162,11 +163,11 @@ impl DriveWork {
     pub(super) fn cut(&mut self, now: MonoTime, out: Out<'_>) {
         let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
         self.leave_flight(now);
-        // A drive that was reset is deaf all the same.
+        // A drive that was reset still ignores requests.
         let rest = self.current.as_ref().and_then(|list| list.rest_to_come(is_on_the_wire));
         self.rest_until = rest.map(|rest| now + rest).or(self.rest_until);
         for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
-            // What a stop does to a motor is known; whether a register took its value is not.
+            // The effect of a stop on the motor is known; whether a register took its value is not.
             let is_register = matches!(list.order(), Order::Go(go) if go.run().is_none() && go.frequency().is_none());
             let outcome = if is_register && list.has_begun() { Outcome::Unknown } else { Outcome::Superseded };
             self.tell(list.waiter(), Report::new(outcome, Reason::Stopped), true, out);
@@ -200,7 +201,7 @@ impl DriveWork {
         }
     }
 
-    /// The list is over: what it ordered and did not reach is no intent any more.
+    /// The list is over: unfinished orders are no longer part of the intent.
     pub(super) fn finish(&mut self, list: &mut List, report: Report, out: Out<'_>) {
         if matches!(report.outcome, Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded) {
             for part in list.parts_left() {
@@ -226,7 +227,7 @@ impl DriveWork {
         self.tell(list.waiter(), report, true, out);
     }
 
-    /// What the newest order that is still to be sent says about it, as `of` finds it in a part.
+    /// The newest value that `of` finds in the orders still to be sent.
     fn last_left<T>(&self, of: impl Fn(&List, StepPart) -> Option<T>) -> Option<T> {
         let lists = self.current.iter().chain(&self.waiting);
         lists.rev().find_map(|list| list.parts_left().filter_map(|part| of(list, part)).last())

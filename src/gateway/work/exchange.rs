@@ -1,4 +1,4 @@
-//! What a drive wants from the wire, and what follows from the end of an exchange of its own.
+//! A drive's wishes for the wire, and the consequences of its own exchanges.
 
 use super::{DriveWork, Out, Rank, Want};
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
@@ -12,7 +12,7 @@ use crate::line::exchange::Ending;
 use crate::wire::pdu::{Reply, Request};
 
 impl DriveWork {
-    /// What it wants from the wire.
+    /// Its wishes for the wire.
     pub fn wants(&self) -> impl Iterator<Item = Want> + '_ {
         let stop = self.latch.as_ref().map(|latch| {
             let (at, request) = latch.frame();
@@ -37,7 +37,7 @@ impl DriveWork {
         [stop, list, look, trip].into_iter().flatten()
     }
 
-    /// The wish of `rank` goes out at `now`, unless its time is over: then it is answered and nothing goes out.
+    /// Sends the wish of `rank` at `now`. If its deadline has passed, it is answered and nothing is sent.
     pub fn send(&mut self, rank: Rank, now: MonoTime, out: Out<'_>) -> bool {
         match rank {
             Rank::FirstStop | Rank::RepeatedStop => {
@@ -64,13 +64,13 @@ impl DriveWork {
         true
     }
 
-    /// The exchange of `request` that was sent for the wish of `rank` is over. `doubt`: a late reply could have been taken
-    /// for its answer.
+    /// The exchange of `request` for the wish of `rank` is over. `doubt`: its reply may have been a late reply to another
+    /// request.
     pub fn ended(&mut self, rank: Rank, request: &Request, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
         let is_wanted = self.flight.take().is_some();
         self.has_changed = true;
         match rank {
-            // A coast may have taken the place of the stop that was on the wire: its own frame follows.
+            // A coast may have replaced the stop that was on the wire: its own frame follows.
             Rank::FirstStop | Rank::RepeatedStop if !self.is_latched(request) => {}
             Rank::FirstStop | Rank::RepeatedStop => self.stop_ended(ending, doubt, now, out),
             Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, now, out),
@@ -92,19 +92,19 @@ impl DriveWork {
         }
     }
 
-    /// The stop that this drive waits for, if it was sent to nobody yet.
+    /// The stop that this drive waits for, if it has not been sent yet.
     #[must_use]
     pub fn unsent_stop(&self) -> Option<Request> {
         self.latch.as_ref().and_then(StopLatch::unsent)
     }
 
-    /// The frame of the stop that is not effective yet, unless the drive is to hear nothing at `now`.
+    /// The frame of the stop that is not effective yet, unless the drive is left to its watchdog at `now`.
     #[must_use]
     pub fn stop_frame(&self, now: MonoTime) -> Option<Request> {
         self.latch.as_ref().filter(|latch| !latch.is_silent(now)).map(|latch| latch.frame().1)
     }
 
-    /// Its stop went to all drives at once. Returns when that was accepted, if it was sent to nobody before.
+    /// Its stop was broadcast. Returns when the stop was accepted, if it had not been sent before.
     pub fn stop_was_broadcast(&mut self) -> Option<MonoTime> {
         let latch = self.latch.as_mut()?;
         let is_first = latch.unsent().is_some();
@@ -115,7 +115,7 @@ impl DriveWork {
         self.latch.as_ref().is_some_and(|latch| latch.frame().1 == *request)
     }
 
-    /// The line is down: what waits is not sent, what is on the wire is in doubt. A stop goes on waiting.
+    /// The line is down: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
     pub fn line_down(&mut self, now: MonoTime, out: Out<'_>) {
         self.leave_flight(now);
         self.flight = None;
@@ -174,7 +174,7 @@ impl DriveWork {
         }
     }
 
-    /// The drive refuses to be stopped, in every form that its model declares: that is told at once, and once.
+    /// The drive refuses every form of the stop that its model declares: reported at once, and only once.
     fn stop_was_refused(&mut self, now: MonoTime, out: Out<'_>) {
         self.stop_refused_at = Some(now);
         if !std::mem::replace(&mut self.told_refused, true) {
@@ -217,7 +217,7 @@ impl DriveWork {
             }
             Next::Ends(report) => {
                 if report.reason == Reason::SetpointUnknown && *list.order() == Order::Reset {
-                    // The word that was to be taken back does not stand there.
+                    // The reset word is not in the register.
                     self.reset_is_taken_back();
                 } else if report.reason == Reason::SetpointUnknown {
                     out.push_back(Effect::Note(self.drive, Note::SetpointOutside));
@@ -227,7 +227,7 @@ impl DriveWork {
         }
     }
 
-    /// What is on the wire is not waited for: the drive may take it all the same.
+    /// Stops waiting for the exchange on the wire; the drive may still execute it.
     pub(super) fn leave_flight(&mut self, now: MonoTime) {
         if !matches!(self.flight, Some(Rank::Step | Rank::Start)) {
             return;

@@ -1,4 +1,4 @@
-//! What is said to the journal, and what waits for it.
+//! Journal rows of a drive, and the work that waits for them.
 
 use super::{DriveWork, Out};
 use crate::domain::command::{Order, Outcome, Reason, Report};
@@ -12,42 +12,45 @@ use crate::journal::{Entry, Remembered, RowNumber};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A run order that opens a lease, and a reset, wait for their rows at most so long. Control goes before the journal.
+/// Maximum time for which a reset, or a run order that opens a lease, waits for its row. Control takes precedence over
+/// the journal.
 const WAIT_MAX: Duration = Duration::from_millis(20);
-/// Pictures of trips that wait for their rows. Where there are more, the newest two become one.
+/// Maximum number of trip snapshots that wait for their rows. Beyond that, the newest two are merged.
 const UNKEPT_MAX: usize = 16;
 
-/// A lease was opened by a run order, or a reset was accepted.
+/// A run order or reset that waits for its row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Opening {
     row: RowNumber,
-    /// Whether or not its row is kept, the order goes then.
+    /// The order is sent at this moment even if its row is not durable.
     pub until: MonoTime,
 }
 
-/// Trips as far as they are kept.
+/// Trips, as far as their rows are durable.
 #[derive(Debug, Default)]
 pub(super) struct KeptDesk {
     shown: KeptTrips,
-    /// What will be shown once these rows are kept.
+    /// Snapshots to show once these rows are durable.
     unkept: VecDeque<(RowNumber, KeptTrips)>,
-    /// The baseline that was said last.
+    /// The baseline in the last row.
     said: TripBaseline,
-    /// Trips of earlier lives, and the number of the newest of them.
+    /// Trips of previous runs, and the number of the newest.
     total_before: u32,
     code_before: Option<u16>,
 }
 
 impl KeptDesk {
-    /// What earlier lives have kept.
+    /// Restores the trips of previous runs.
     pub fn remember(&mut self, remembered: &Remembered) {
         self.said = remembered.trips.unwrap_or_default();
-        (self.total_before, self.code_before) = (remembered.trips_total, remembered.last_code);
-        let (total, last_code) = (self.total_before, self.code_before);
+        self.total_before = remembered.trips_total;
+        self.code_before = remembered.last_code;
+        let total = self.total_before;
+        let last_code = self.code_before;
         self.shown = KeptTrips { count: self.said.count, total, last: None, last_code };
     }
 
-    /// The picture that holds once `row` is kept; at once without one, unless others are awaited.
+    /// Adds a snapshot to show once `row` is durable; without a row, at once, unless others are pending.
     fn show(&mut self, row: Option<RowNumber>, picture: KeptTrips) {
         let is_full = self.unkept.len() >= UNKEPT_MAX;
         match (row, self.unkept.back_mut()) {
@@ -58,7 +61,7 @@ impl KeptDesk {
         }
     }
 
-    /// Everything up to `row` is kept. Whether that changes what is shown.
+    /// Everything up to `row` is durable. Returns whether that changes what is shown.
     fn kept(&mut self, row: RowNumber) -> bool {
         let before = self.unkept.len();
         while let Some((_, picture)) = self.unkept.pop_front_if(|(it, _)| *it <= row) {
@@ -69,19 +72,19 @@ impl KeptDesk {
 }
 
 impl DriveWork {
-    /// Its trips as far as they are kept.
+    /// Its trips, as far as their rows are durable.
     #[must_use]
     pub const fn trips_kept(&self) -> &KeptTrips {
         &self.kept.shown
     }
 
-    /// Everything up to `row` is kept.
+    /// Everything up to `row` is durable.
     pub fn kept(&mut self, row: RowNumber) {
         self.has_changed |= self.kept.kept(row);
         self.opening.take_if(|opening| opening.row <= row);
     }
 
-    /// Says who holds control now, if that is another than before. Returns the row of that.
+    /// Records a change of control. Returns its row, if any.
     pub fn keep_lease(&mut self, out: Out<'_>) -> Option<RowNumber> {
         let owner = self.guard.lease().map(|(owner, _)| (owner, self.guard.is_orphaned()));
         if owner == self.said_owner {
@@ -91,7 +94,7 @@ impl DriveWork {
         out.keep(self.drive, Entry::Lease(owner.map(|(owner, _)| owner)))
     }
 
-    /// An order was accepted. One that `runs` waits for the row of the lease, if it has opened that.
+    /// An order was accepted. One that `runs` waits for the row of its lease, if it has opened one.
     pub(super) fn open_lease(&mut self, runs: bool, now: MonoTime, out: Out<'_>) {
         let held_before = self.said_owner.map(|(owner, _)| owner);
         let row = self.keep_lease(out);
@@ -101,18 +104,18 @@ impl DriveWork {
         }
     }
 
-    /// What was accepted begins once `row` is kept.
+    /// Delays the accepted order until `row` is durable.
     pub(super) fn opens_behind(&mut self, row: RowNumber, now: MonoTime) {
         self.opening = Some(Opening { row, until: now + WAIT_MAX });
     }
 
-    /// From when `list` may begin as far as the journal is concerned.
+    /// When `list` may begin, as far as the journal is concerned.
     pub(super) fn opens_at(&self, list: &List) -> MonoTime {
         let opening = self.opening.filter(|_| waits_for_row(list));
         opening.map_or(MonoTime::ZERO, |opening| opening.until)
     }
 
-    /// The journal was waited for long enough.
+    /// Ends the wait for the journal once it has lasted too long.
     pub(super) fn pass_opening(&mut self, now: MonoTime, out: Out<'_>) {
         let is_over = self.opening.take_if(|opening| now >= opening.until).is_some();
         if is_over && self.current.iter().chain(&self.waiting).any(waits_for_row) {
@@ -120,7 +123,7 @@ impl DriveWork {
         }
     }
 
-    /// Says what is new about its trips: `events`, or only up to where they are told.
+    /// Records new trips: `events`, or only the new baseline.
     pub(super) fn keep_trips(&mut self, events: &[TripEvent], out: Out<'_>) {
         let baseline = self.trips.baseline();
         let is_other = std::mem::replace(&mut self.kept.said, baseline) != baseline;
@@ -135,7 +138,7 @@ impl DriveWork {
         }
     }
 
-    /// The line is left: what is under way ends here.
+    /// The line is left: work in progress ends here.
     pub fn end_attempts(&mut self, out: Out<'_>) {
         for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
             let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
@@ -152,9 +155,10 @@ impl DriveWork {
 }
 
 impl KeptDesk {
-    /// What will be shown of `trips`, if that is something new. Without a journal it is what is known now.
+    /// The snapshot of `trips` to show, if it is new. Without a journal it is the current state.
     fn new_picture(&self, trips: &TripWatch, keeps: bool) -> Option<KeptTrips> {
-        let (view, newest) = (trips.view(), self.unkept.back().map_or(&self.shown, |(_, picture)| picture));
+        let view = trips.view();
+        let newest = self.unkept.back().map_or(&self.shown, |(_, picture)| picture);
         let count = if keeps { self.said.count } else { view.count };
         let total = self.total_before.saturating_add(view.seen);
         let is_shown = newest.count == count && newest.total == total && newest.last == view.last;
@@ -163,7 +167,7 @@ impl KeptDesk {
     }
 }
 
-/// Whether it is an order to run, or a reset, that has not begun.
+/// Whether `list` is an order to run, or a reset, that has not begun.
 fn waits_for_row(list: &List) -> bool {
     let waits = match list.order() {
         Order::Go(go) => go.run().is_some(),

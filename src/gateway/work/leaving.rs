@@ -1,4 +1,4 @@
-//! A drive leaves the configuration, or its line is started anew.
+//! A drive leaves the configuration, or its line is restarted.
 
 use super::{DriveWork, Out};
 use crate::domain::command::Reason;
@@ -7,14 +7,14 @@ use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
 
 impl DriveWork {
-    /// The drive is to leave: nothing is accepted any more but stops. With `stops`, one that is in use is stopped.
+    /// The drive is to leave: only stops are accepted any more. With `stops`, a drive in use is stopped.
     pub fn leave(&mut self, now: MonoTime, stops: bool, out: Out<'_>) {
         let is_in_use = self.is_in_use();
         self.guard.leave();
         if !stops || !is_in_use {
             return;
         }
-        // A stop that is on its way already is the same stop.
+        // A stop in progress is the same stop.
         if self.latch.is_some() && !self.guard.is_held() {
             return;
         }
@@ -31,13 +31,13 @@ impl DriveWork {
         self.has_changed = true;
     }
 
-    /// Whether it may be commanded, and runs, is under control, or has to be stopped still.
+    /// Whether it may be commanded and runs, is under control, or still has to be stopped.
     #[must_use]
     pub fn is_in_use(&self) -> bool {
         self.guard.control().is_some() && (self.is_bound() || self.is_moving())
     }
 
-    /// Whether something is left that only this line can see to: a stop on its way, a reset that has begun, control.
+    /// Whether it still needs this line: a stop in progress, a reset that has begun, control.
     #[must_use]
     pub fn is_bound(&self) -> bool {
         self.must_go_on() || self.guard.is_held()

@@ -1,4 +1,4 @@
-//! One drive's own work beside polls and native reads: its stop, its commands, its trips; and the picture of it.
+//! One drive's own work apart from polls and native reads: its stop, its commands, its trips, and their view.
 
 mod again;
 mod command;
@@ -36,19 +36,19 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Most commands of one drive that wait behind the one that is being carried out.
+/// Maximum number of commands per drive that wait for the one in execution.
 pub const COMMANDS_MAX: usize = 8;
 
-/// What a drive wants from the wire, in the order in which wishes are granted.
+/// The kinds of a drive's wishes, most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rank {
-    /// A stop that was never sent.
+    /// A stop that has never been sent.
     FirstStop,
     /// A stop without effect so far.
     RepeatedStop,
-    /// The next step of a command that has begun, read back included.
+    /// The next step of a command that has begun, including read-back.
     Step,
-    /// A look at whether a stop takes effect.
+    /// A read that shows whether a stop takes effect.
     Look,
     /// A trip record.
     Trip,
@@ -61,9 +61,9 @@ pub enum Rank {
 pub struct Want {
     /// How urgent it is.
     pub rank: Rank,
-    /// Not before this moment.
+    /// The earliest moment to send it.
     pub at: MonoTime,
-    /// What should go out.
+    /// The request.
     pub request: Request,
 }
 
@@ -76,51 +76,51 @@ pub struct DriveWork {
     latch: Option<StopLatch>,
     current: Option<List>,
     waiting: VecDeque<List>,
-    /// What is on the wire for it, and whether its end still matters.
+    /// Its exchange on the wire, and whether the result still matters.
     flight: Option<Rank>,
     trips: TripWatch,
     /// Its trips as far as they are kept.
     kept: KeptDesk,
-    /// A run order that opened the lease waits for the row of that.
+    /// A run order that opened the lease and waits for its row.
     opening: Option<Opening>,
-    /// The owner of the lease as it was said last, and whether that one is awaited from an earlier life.
+    /// The last recorded owner of the lease, and whether it is awaited since before a restart.
     said_owner: Option<(Owner, bool)>,
     output: OutputWatch,
     output_register: Option<(u16, u32)>,
     status: StatusWatch,
-    /// When it was last shown whether the drive is ordered to run.
+    /// When a reading last showed whether the drive is ordered to run.
     status_at: Option<MonoTime>,
     /// Whether the drive showed reverse when the last stop took effect.
     ramps_reverse: Option<bool>,
     /// How often it is polled.
     pace: Pace,
     watchdog: WatchdogWatch,
-    /// The reads that show whether a stop takes effect, in turn.
+    /// The reads that show whether a stop takes effect, used in turn.
     looks: Vec<(u16, u16)>,
-    /// Up to this moment the drive hears nothing; taken by the line.
+    /// The drive ignores requests until this moment; taken by the line.
     rest_until: Option<MonoTime>,
-    /// The last order given here was a stop, and the motor has not been seen at standstill since, nor turning otherwise
-    /// than the ramp of that stop explains.
+    /// The last order given here was a stop, and since then the motor has neither been seen at standstill nor turning in
+    /// a way that the ramp of that stop does not explain.
     is_stopping: bool,
-    /// The word that resets may stand in the drive's run command.
+    /// The reset word may remain in the drive's run command.
     reset_stands: bool,
-    /// What was said of that last.
+    /// The last recorded state of that.
     said_reset: bool,
-    /// When it is taken back at the earliest.
+    /// The earliest moment to clear it.
     take_back_at: MonoTime,
     /// The drive has refused a stop, and none has taken effect since.
     is_stop_refused: bool,
-    /// When it refused every form of one last.
+    /// When it last refused every form of a stop.
     stop_refused_at: Option<MonoTime>,
-    /// People were told of that.
+    /// That was logged.
     told_refused: bool,
-    /// A stop that was answered from memory, until the drive has shown that this was right.
+    /// A stop answered from memory, until the drive has confirmed it.
     answered: Option<Answered>,
-    /// Who stops the drive although others start it.
+    /// The client that stops the drive although others start it.
     again: Option<StoppedAgain>,
-    /// What became of the newest command so far.
+    /// The latest report of the newest command.
     last: Option<Report>,
-    /// Commands so far; the newest one has this number.
+    /// Number of commands so far, which is the number of the newest.
     commands: u16,
     has_changed: bool,
 }
@@ -128,7 +128,7 @@ pub struct DriveWork {
 type Out<'a> = &'a mut Outbox;
 
 impl DriveWork {
-    /// The work of a drive that was found at `now`.
+    /// Creates the work of a drive that was added at `now`.
     #[must_use]
     pub fn new(
         drive: DriveIndex,
@@ -174,24 +174,24 @@ impl DriveWork {
         }
     }
 
-    /// Who holds control, and what is ordered.
+    /// Control of the drive, and the current order.
     #[must_use]
     pub const fn guard(&self) -> &DriveGuard {
         &self.guard
     }
 
-    /// What is known of its trips.
+    /// Its trips.
     #[must_use]
     pub const fn trips(&self) -> &TripWatch {
         &self.trips
     }
 
-    /// Whether the picture has changed since this was asked last.
+    /// Whether the view has changed since the last call.
     pub const fn take_changed(&mut self) -> bool {
         std::mem::replace(&mut self.has_changed, false)
     }
 
-    /// The picture has changed.
+    /// Marks the view as changed.
     pub const fn mark_changed(&mut self) {
         self.has_changed = true;
     }
@@ -202,7 +202,7 @@ impl DriveWork {
         self.output.is_active() || self.status.is_running() == Some(true)
     }
 
-    /// Whether the motor is known to stand still: the output is zero, and the drive shows no order to run.
+    /// Whether the motor is known to be at standstill: the output is zero, and the drive shows no order to run.
     #[must_use]
     pub fn is_at_standstill(&self) -> bool {
         self.output.is_at_standstill() && self.status.is_running() != Some(true)
@@ -214,18 +214,18 @@ impl DriveWork {
         Some(if is_reverse { Direction::Reverse } else { Direction::Forward })
     }
 
-    /// What the status registers tell beside the run state.
+    /// Status flags other than the run state.
     #[must_use]
     pub fn status_view(&self) -> StatusView {
         self.status.view()
     }
 
-    /// Up to when the drive hears nothing, if that has just begun.
+    /// Until when the drive ignores requests, if that has just begun.
     pub const fn take_rest(&mut self) -> Option<MonoTime> {
         self.rest_until.take()
     }
 
-    /// Whether a stop waits that was never sent.
+    /// Whether a stop waits that has never been sent.
     #[must_use]
     pub fn has_new_stop(&self) -> bool {
         self.latch.as_ref().is_some_and(StopLatch::is_first)
@@ -237,20 +237,20 @@ impl DriveWork {
         self.latch.is_some()
     }
 
-    /// How many commands have not ended, a stop not among them.
+    /// Number of commands in progress, stops excluded.
     #[must_use]
     pub fn commands_open(&self) -> usize {
         self.waiting.len() + usize::from(self.current.is_some())
     }
 
-    /// Whether a stop is not effective yet, or a reset that has begun is not through: its last word takes it back.
+    /// Whether a stop is not effective yet, or a reset has begun but not ended: its last word clears it.
     #[must_use]
     pub fn must_go_on(&self) -> bool {
         let resets = |list: &List| *list.order() == Order::Reset && list.has_begun();
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
-    /// The way by which commanders come is open.
+    /// The connection of a client is open.
     pub fn path_alive(&mut self, way: Owner, now: MonoTime) {
         let holder = self.guard.lease().map(|(owner, _)| owner);
         if let Some(holder) = holder.filter(|holder| holder.comes_by(way)) {
@@ -259,12 +259,12 @@ impl DriveWork {
         }
     }
 
-    /// What was sent until `now` does not start the drive.
+    /// Nothing that was sent before `now` starts the drive.
     pub fn inhibit(&mut self, now: MonoTime) {
         self.guard.inhibit(now);
     }
 
-    /// The way from commanders was opened anew.
+    /// The connection of clients was reopened.
     pub fn new_epoch(&mut self) {
         self.guard.new_epoch();
         self.has_changed = true;
@@ -277,7 +277,7 @@ impl DriveWork {
         self.status.forget();
         self.status_at = None;
         self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));
-        // Whatever it does when it is back, it was not seen to ramp down to that.
+        // Whatever it does when it is back, no ramp of our stop explains it.
         self.is_stopping &= self.latch.is_some();
         self.latch.iter_mut().for_each(StopLatch::out_of_sight);
         self.watchdog.forget();
@@ -291,7 +291,7 @@ impl DriveWork {
     #[must_use]
     pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> Facts {
         let scale = self.output_register.map_or(1, |(_, scale)| scale);
-        // What was read longer ago decides nothing: the motor may have been started since.
+        // Stale readings decide nothing: the motor may have been started since.
         let is_fresh = self.is_fresh(now);
         Facts {
             line_is_up,
@@ -309,7 +309,7 @@ impl DriveWork {
         }
     }
 
-    /// What the drive does.
+    /// The run state of the drive.
     #[must_use]
     pub fn run_state(&self, is_offline: bool) -> RunState {
         if is_offline {
@@ -323,7 +323,7 @@ impl DriveWork {
         }
     }
 
-    /// Control, as the north sides are shown it; nothing without a control section.
+    /// Control, as shown to clients; `None` without a control section.
     #[must_use]
     pub fn control_view(&self) -> Option<ControlView> {
         let guard = &self.guard;
@@ -358,15 +358,16 @@ impl DriveWork {
     }
 }
 
-/// The output frequency, and the status register where that tells whether the drive is ordered to run: in one read if
-/// the model allows it.
+/// Reads of the output frequency, and of the status register if it shows whether the drive is ordered to run: in one
+/// read if the model allows it.
 fn looks(model: &Model) -> Vec<(u16, u16)> {
     let output = model.register_for(Role::OutputFrequency).map(|register| register.address);
     let status = model.status_flag(Flag::Running).map(|flag| flag.address);
     let (Some(output), Some(status)) = (output, status) else {
         return output.or(status).map(|address| (address, 1)).into_iter().collect();
     };
-    let (first, last) = (output.min(status), output.max(status));
+    let first = output.min(status);
+    let last = output.max(status);
     let count = last - first + 1;
     let all_known = || (first..=last).all(|it| model.register_at(it).is_some_and(|it| it.access.can_read()));
     if count <= model.words_in_one_read(first) && all_known() {

@@ -1,4 +1,4 @@
-//! What time alone brings about: leases end, stops are late, commands expire.
+//! Changes caused by time alone: leases end, stops are overdue, commands expire.
 
 use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report};
@@ -11,9 +11,9 @@ use crate::guard::Void;
 use crate::journal::{Cause, Entry};
 
 impl DriveWork {
-    /// What time alone brings about.
+    /// Applies the changes caused by time alone.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
-        // A stop that has had its effect is all that could be done about it, also while the ramp lasts.
+        // A stop that has taken effect is all that can be done, even while the ramp lasts.
         let at_rest = self.latch.is_none() && (self.is_at_standstill() || self.is_stopping);
         let had_lease = self.guard.lease().is_some();
         if let Some(lost) = self.guard.expire(now, at_rest) {
@@ -34,7 +34,7 @@ impl DriveWork {
         self.take_reset_back(now, out);
     }
 
-    /// When [`Self::pass`] has something to do.
+    /// When [`Self::pass`] is due.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let control = self.guard.control();

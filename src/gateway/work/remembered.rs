@@ -1,4 +1,4 @@
-//! What a drive's work takes over from an earlier life of the gateway.
+//! State that a drive's work restores after a restart of the gateway.
 
 use super::{DriveWork, Out};
 use crate::domain::time::MonoTime;
@@ -8,8 +8,8 @@ use crate::gateway::stop::StopLatch;
 use crate::journal::{Entry, Remembered};
 
 impl DriveWork {
-    /// Takes over at `now` what is remembered: up to where trips were told, who held control, and a stop that was
-    /// accepted and not seen to take effect. A run order is never among it.
+    /// Restores the remembered state at `now`: the trip baseline, the owner of control, and a stop that was accepted but
+    /// not seen to take effect. A run order is never restored.
     pub fn remember(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
         self.trips = std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
         self.kept.remember(remembered);
@@ -24,7 +24,7 @@ impl DriveWork {
                 self.is_stopping = true;
                 self.latch = Some(StopLatch::remembered(order, now));
             }
-            // Its control section is gone, or the drive is another one now.
+            // Its control section is gone, or the drive was replaced.
             None => {
                 out.push_back(Effect::Note(self.drive, Note::StopDropped));
                 out.keep(self.drive, Entry::StopOver { is_effective: false });

@@ -1,5 +1,5 @@
-//! The word that resets must not be left standing in the drive's run command: while it may, that is remembered beyond the
-//! life of the process, and it is taken back as soon as the motor stands still and nothing else is ordered.
+//! The reset word must not remain in the drive's run command. While it may, that is remembered across restarts, and the
+//! word is cleared as soon as the motor is at standstill and nothing else is ordered.
 
 use super::{DriveWork, Out};
 use crate::domain::command::{Order, RunIntent};
@@ -11,11 +11,11 @@ use crate::gateway::waiter::Waiter;
 use crate::journal::{Entry, RowNumber};
 use std::time::Duration;
 
-/// Time between two attempts to take the word back.
+/// Time between two attempts to clear the word.
 const AGAIN_AFTER: Duration = Duration::from_secs(5);
 
 impl DriveWork {
-    /// Says whether the word that resets may stand from now on, if that is something new. Returns the row of that.
+    /// Records whether the reset word may remain from now on, if that has changed. Returns its row.
     pub fn keep_reset(&mut self, out: Out<'_>) -> Option<RowNumber> {
         let resets = |list: &List| *list.order() == Order::Reset;
         let may_stand = self.reset_stands || self.current.iter().chain(&self.waiting).any(resets);
@@ -26,14 +26,14 @@ impl DriveWork {
         out.keep(self.drive, Entry::ResetWord { may_stand })
     }
 
-    /// An earlier life of the gateway may have left the word standing.
+    /// A previous run of the gateway may have left the reset word.
     pub(super) fn remember_reset(&mut self, may_stand: bool) {
         self.said_reset = may_stand;
         self.reset_stands = may_stand && self.guard.leaves_a_reset_standing();
     }
 
-    /// Takes the word back if it may stand and nothing else is going on. A motor that turns is left alone: what it obeys
-    /// is not that word.
+    /// Clears the reset word if it may remain and nothing else is in progress. A turning motor is left alone: the reset
+    /// word is not what it obeys.
     pub(super) fn take_reset_back(&mut self, now: MonoTime, out: Out<'_>) {
         let is_busy = self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty();
         let may_go = self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
@@ -46,7 +46,7 @@ impl DriveWork {
         self.push(List::new(approved, Waiter::of_nobody(self.drive)), out);
     }
 
-    /// The run command holds another word than the one that resets.
+    /// The run command holds a word other than the reset word.
     pub(super) const fn reset_is_taken_back(&mut self) {
         self.reset_stands = false;
     }

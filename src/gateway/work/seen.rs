@@ -1,4 +1,4 @@
-//! What the drive shows: output frequency and trips.
+//! Readings of the drive: output frequency and trips.
 
 use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report, RunIntent};
@@ -9,23 +9,23 @@ use crate::gateway::note::Note;
 use crate::journal::Entry;
 use crate::profile::model::Flag;
 
-/// Where words come from.
+/// The origin of words.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading {
-    /// Not later than this the drive showed them.
+    /// The drive sent them no later than this.
     pub at: MonoTime,
-    /// They are certainly its own: only then they tell of trips.
+    /// They are certainly from this drive: only then do they report trips.
     pub is_its_own: bool,
 }
 
 impl DriveWork {
-    /// Words came from `address` on, for whatever reason they were read.
+    /// Takes words from `address` on, whatever they were read for.
     pub fn take_words(&mut self, address: u16, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
             self.status_at = Some(reading.at);
-            // What a stop had ended was ordered again, and not here.
+            // The drive was started again, and not from here.
             let is_started = running && (ran == Some(false) || self.is_turned_round());
             self.is_stopping &= self.latch.is_some() || !is_started;
             if self.latch.as_mut().is_some_and(|latch| latch.shows(running, now)) {
@@ -57,8 +57,8 @@ impl DriveWork {
         }
     }
 
-    /// Whether the drive shows another direction than when the stop that it ramps down for took effect: somebody else has
-    /// ordered it to turn the other way.
+    /// Whether the drive shows a different direction than when its stop took effect: another master has ordered it to
+    /// turn the other way.
     fn is_turned_round(&self) -> bool {
         let is_reverse = self.status.get(Flag::Reverse);
         self.ramps_reverse.is_some() && is_reverse.is_some() && self.ramps_reverse != is_reverse
@@ -81,7 +81,8 @@ impl DriveWork {
         let Some(mut latch) = self.latch.take() else { return };
         if latch.is_acknowledged() {
             self.guard.stop_was_effective();
-            (self.is_stop_refused, self.stop_refused_at) = (false, None);
+            self.is_stop_refused = false;
+            self.stop_refused_at = None;
         }
         self.output.ramps_down(out.now());
         self.ramps_reverse = self.status.get(Flag::Reverse);
@@ -101,7 +102,7 @@ impl DriveWork {
         let is_told = events.iter().any(|event| event.kind != TripEventKind::Cleared);
         let is_tripped = self.trips.view().active == Some(true);
         if is_told || (is_tripped && self.guard.intent() != RunIntent::Stop) {
-            // A trip ends what was ordered: after a reset a fresh order is needed.
+            // A trip ends all orders: after a reset a new order is required.
             self.guard.lost_touch(out.now());
             self.cut_motion(Reason::Tripped, out);
         }

@@ -1,4 +1,4 @@
-//! The drive's own watchdog: what people are told of it, and the stop that is left to it.
+//! The drive's own watchdog: messages about it, and the stop that is left to it.
 
 use super::{DriveWork, Out};
 use crate::domain::time::MonoTime;
@@ -8,18 +8,18 @@ use crate::gateway::note::Note;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How much longer than the time of its watchdog a drive hears nothing: its clock is not ours.
+/// How much longer than its watchdog time nothing is sent to a drive: its clock differs from ours.
 const MARGIN: Duration = Duration::from_secs(1);
 
 impl DriveWork {
-    /// The same work, with a watchdog that should lie in `range`.
+    /// Sets the suitable range of watchdog times.
     #[must_use]
     pub fn watched(mut self, range: WatchdogRange) -> Self {
         self.watchdog = WatchdogWatch::new(Arc::clone(&self.model), range);
         self
     }
 
-    /// What is known of the drive's own watchdog.
+    /// The state of the drive's own watchdog.
     #[must_use]
     pub const fn watchdog(&self) -> &WatchdogWatch {
         &self.watchdog
@@ -32,15 +32,15 @@ impl DriveWork {
         }
     }
 
-    /// When a declared stop without effect is left to the drive's own watchdog; nothing if there is none to rely on.
+    /// When a declared stop without effect is left to the drive's own watchdog; `None` if no watchdog can be relied on.
     pub(super) fn left_at(&self) -> Option<MonoTime> {
         let declared = self.latch.as_ref()?.declared_at()?;
         self.watchdog.stops_after()?;
         Some(declared + self.guard.control()?.failsafe_confirm_timeout)
     }
 
-    /// A declared stop shows no effect, and whatever goes to the drive keeps its watchdog from stopping it: it hears
-    /// nothing until that must have acted.
+    /// A declared stop has no effect, and any frame keeps the drive's watchdog from acting: nothing is sent to the drive
+    /// until the watchdog must have acted.
     pub(super) fn leave_to_watchdog(&mut self, now: MonoTime, out: Out<'_>) {
         let Some(after) = self.watchdog.stops_after().filter(|_| self.left_at().is_some_and(|at| at <= now)) else {
             return;
