@@ -135,7 +135,8 @@ impl Change {
 /// size.
 fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
     let has_other_journal = old.journal != new.journal;
-    let (old, new) = (&old.gateway, &new.gateway);
+    let old = &old.gateway;
+    let new = &new.gateway;
     let differ = [
         ("gateway.name", old.name != new.name),
         ("gateway.data_dir", old.data_dir != new.data_dir),

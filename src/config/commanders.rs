@@ -163,7 +163,8 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
     let Some(mqtt) = mqtt.filter(|_| by_broker.is_some()) else { return };
     let ttl = mqtt.command_ttl.or(DEFAULT_COMMAND_TTL).filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
     if let Some(ttl) = ttl {
-        let (lease, ttl) = (duration_text(*lost_after), duration_text(ttl));
+        let lease = duration_text(*lost_after);
+        let ttl = duration_text(ttl);
         let problem = location.problem(format!("a lease of {lease} is not longer than `command_ttl`, {ttl}"));
         problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
     }
@@ -174,7 +175,8 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         return;
     };
     if *lost_after < least {
-        let (lease, least) = (duration_text(*lost_after), duration_text(least));
+        let lease = duration_text(*lost_after);
+        let least = duration_text(least);
         let what = format!(
             "a session lease of {lease} is shorter than {} probes of the way through the broker, {least}",
             MqttSettings::PROBES
@@ -196,7 +198,8 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
             })
     };
     let right = "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
-    let (commands, stops) = (any(&takes_from_here), any(&|_| true));
+    let commands = any(&takes_from_here);
+    let stops = any(&|_| true);
     let no_commands = "no drive that is served here takes commands from \"modbus-tcp\"";
     let no_stops = "no drive that is served here has a control section";
     for role_right in listener_tls::rights(listener) {

@@ -199,7 +199,8 @@ fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<P
     if let Some(max) = max.as_ref().filter(|max| max.value == Hertz::ZERO) {
         problems.push(max.location.problem("a drive that may be given 0 Hz at most never turns").right("more than 0"));
     }
-    let (min, max) = (min.as_ref()?, max.as_ref()?);
+    let min = min.as_ref()?;
+    let max = max.as_ref()?;
     if min.value > max.value {
         let what = format!("the lowest frequency, {} Hz, is above the highest, {} Hz", min.value, max.value);
         problems.push(min.location.problem(what).right(format!("at most {}", max.value)));

@@ -97,7 +97,8 @@ fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
     let reads: Vec<&PlannedRead> = budget.stations.iter().flatten().collect();
     let fast = reads.iter().filter(|read| read.group.class == PollClass::Fast).count();
     let costs = reads.iter().map(|read| read.cost);
-    let (least, most) = (costs.clone().min().unwrap_or_default(), costs.max().unwrap_or_default());
+    let least = costs.clone().min().unwrap_or_default();
+    let most = costs.max().unwrap_or_default();
     format!(
         "{} drives with {} reads ({fast} of them fast) of {} to {} each would take {:.0} % of its time",
         line.drives.len(),

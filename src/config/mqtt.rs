@@ -72,7 +72,8 @@ pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Pro
         return;
     }
     let most = LONGEST_LEAST.saturating_sub(least_restart_delay(Duration::ZERO));
-    let (unnoticed, longest) = (duration_text(unnoticed(*interval)), duration_text(LONGEST_LEAST));
+    let unnoticed = duration_text(unnoticed(*interval));
+    let longest = duration_text(LONGEST_LEAST);
     let what = format!(
         "a command could wait {unnoticed} in front of the broker before that is noticed, so that no RUN could be taken \
          for more than {longest} after a stop"
@@ -146,7 +147,8 @@ fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
     let Some(HomeAssistantFile { discovery, prefix, devices }) = file.home_assistant.clone().optional()? else {
         return Some(None);
     };
-    let (discovery, devices) = (discovery?.value, devices.or(false)?);
+    let discovery = discovery?.value;
+    let devices = devices.or(false)?;
     Some(Some(HomeAssistant { discovery, prefix: prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?, devices }))
 }
 
@@ -214,7 +216,9 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
     Some(match &file.broker.as_ref()?.value {
         Address::Embedded => BrokerSettings::Embedded,
         Address::Tcp { host, port, tls } => {
-            let (host, port, also_at) = (host.clone(), *port, also_at(file)?);
+            let host = host.clone();
+            let port = *port;
+            let also_at = also_at(file)?;
             BrokerSettings::Tcp { host, port, also_at, tls: if *tls { Some(tls_settings(file)?) } else { None } }
         }
     })
@@ -259,7 +263,8 @@ fn location<T>(given: &OptionalKey<T>) -> Option<&Location> {
 
 /// At most one source of a password, and a user whose it is.
 fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (from_file, from_env) = (location(&file.password_file), location(&file.password_env));
+    let from_file = location(&file.password_file);
+    let from_env = location(&file.password_env);
     if let (Some(_), Some(from_env)) = (from_file, from_env) {
         let problem = from_env.problem("the password is named twice: `password_file` is there as well");
         problems.push(problem.right("one of the two"));
@@ -292,7 +297,8 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
 
 /// Files for TLS come with TLS, and a certificate with its key.
 fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (cert, key) = (&file.client_cert_file, &file.client_key_file);
+    let cert = &file.client_cert_file;
+    let key = &file.client_key_file;
     for (there, other, name) in [(cert, key, "client_key_file"), (key, cert, "client_cert_file")] {
         if let (Some(location), OptionalKey::Absent) = (location(there), other) {
             let problem =

@@ -18,7 +18,8 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
         let what = "registers are written by those who may command, and the drive has no control section";
         problems.push(location.problem(what).right("a `[line.drive.control]`, or leave `native` out").warning());
     }
-    let (list, model) = (file.write.as_ref()?, model?);
+    let list = file.write.as_ref()?;
+    let model = model?;
     let mut addresses = Vec::new();
     for written in &list.value {
         match named(written, model).and_then(|listed| listed.writable(written)) {

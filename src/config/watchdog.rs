@@ -36,7 +36,8 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
         problems.push(location.problem(what).right("a time in its steps and within its range"));
     }
     if let Some(lost_after) = file.lost_after.as_ref().filter(|lost_after| lost_after.value < *time) {
-        let (time, lease) = (duration_text(*time), duration_text(lost_after.value));
+        let time = duration_text(*time);
+        let lease = duration_text(lost_after.value);
         let problem = location.problem(format!("a watchdog of {time} takes longer than `lost_after`, {lease}"));
         problems.push(problem.right(format!("at most \"{lease}\", or a longer `lost_after`")));
     }

@@ -44,7 +44,8 @@ fn control_is_taken_only_where_that_is_allowed_and_by_those_who_may_command() {
         [(false, plc(1), Some(Reason::NoTake)), (true, may_stop_only, Some(Reason::NotAllowed)), (true, plc(1), None)]
     {
         let mut guard = held(ControlSettings { allow_take, ..control() });
-        let (intent, stops) = (guard.intent(), guard.stops());
+        let intent = guard.intent();
+        let stops = guard.stops();
         let verdict = at(&mut guard, origin, Order::Take, &RUNNING, NOW);
         assert_eq!(verdict.as_ref().err().copied(), told);
         if told.is_none() {
@@ -210,7 +211,9 @@ fn another_register_is_not_held_up() {
 fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
     let mut watched = model();
     for register in watched.registers.iter_mut().filter(|register| register.address == RAMP) {
-        (register.unit, register.scale, register.range) = (UnitOfMeasure::Second, 10, Some(0..=255));
+        register.unit = UnitOfMeasure::Second;
+        register.scale = 10;
+        register.range = Some(0..=255);
     }
     watched.watchdog = Some(Watchdog {
         time: RAMP,

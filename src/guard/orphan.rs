@@ -62,10 +62,12 @@ impl DriveGuard {
         let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };
         match lease.orphan {
             Some(Orphan::Unseen { was_orphaned: true }) => {
-                (lease.orphan, lease.until) = (Some(Orphan::Running(Cause::CrashLoop)), now);
+                lease.orphan = Some(Orphan::Running(Cause::CrashLoop));
+                lease.until = now;
             }
             Some(Orphan::Unseen { was_orphaned: false }) => {
-                (lease.orphan, lease.until) = (Some(Orphan::Running(Cause::Orphaned)), now + control.lost_after);
+                lease.orphan = Some(Orphan::Running(Cause::Orphaned));
+                lease.until = now + control.lost_after;
             }
             Some(Orphan::TakenUp) => lease.orphan = None,
             Some(Orphan::Running(_)) | None => {}

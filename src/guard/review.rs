@@ -166,7 +166,8 @@ impl DriveGuard {
     }
 
     pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
-        let (owner, start_before) = (command.origin.owner, command.start_before);
+        let owner = command.origin.owner;
+        let start_before = command.start_before;
         Approved { order, owner, stops: self.stops(), start_before, steps }
     }
 }

@@ -111,7 +111,9 @@ fn a_motor_whose_stop_is_unproven_is_not_started_and_may_always_be_stopped() {
 fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast() {
     let mut plain = model();
     let run_facts = plain.run.as_mut().unwrap();
-    (run_facts.reverse, run_facts.coast, run_facts.reset) = (None, None, None);
+    run_facts.reverse = None;
+    run_facts.coast = None;
+    run_facts.reset = None;
     let mut guard = guard_of(plain, control());
     for order in [run(Direction::Reverse), Order::Coast] {
         assert_eq!(reviewed(&mut guard, &command(mqtt(), order)), Err((Outcome::Refused, Reason::NotCapable)));
@@ -155,7 +157,8 @@ fn strict_messages_must_say_what_they_have_seen() {
 #[test]
 fn a_moment_of_issue_counts_only_after_the_last_stop_inhibit_or_start_of_the_gateway() {
     let issued = |at| CommandRequest { issued: Some(at), ..command(mqtt(), run(Direction::Forward)) };
-    let (until_then, after) = (issued(NOW), issued(NOW + Duration::from_millis(1)));
+    let until_then = issued(NOW);
+    let after = issued(NOW + Duration::from_millis(1));
     let stale = Err((Outcome::Refused, Reason::Stale));
     for strict in [false, true] {
         let settings = || ControlSettings { strict, ..control() };
@@ -333,7 +336,8 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
 #[test]
 fn whoever_is_signed_in_commands_where_the_drive_says_so() {
     let by = |name| Origin { owner: Owner::Page(CommanderName::new(name).unwrap()), ..mqtt() };
-    let (anna, bob) = (by("anna"), by("bob"));
+    let anna = by("anna");
+    let bob = by("bob");
     let mut guard = guard_of(model(), ControlSettings { from_page: false, ..control() });
     for order in [run(Direction::Forward), STOP, Order::Renew] {
         let told = reviewed(&mut guard, &command(anna, order));

@@ -39,7 +39,8 @@ impl fmt::Display for Scaled {
         if 10_u32.pow(decimals) != self.scale {
             return write!(f, "{}", self.value());
         }
-        let (whole, part) = (self.raw.unsigned_abs() / self.scale, self.raw.unsigned_abs() % self.scale);
+        let whole = self.raw.unsigned_abs() / self.scale;
+        let part = self.raw.unsigned_abs() % self.scale;
         let sign = if self.raw < 0 { "-" } else { "" };
         if decimals == 0 {
             return write!(f, "{sign}{whole}");
@@ -60,7 +61,8 @@ impl Decimal {
     /// rounded to zero: a slowly turning motor must not appear to stand still.
     #[must_use]
     pub fn nearest(numerator: i64, denominator: i64, digits: u8) -> Self {
-        let (numerator, denominator) = (i128::from(numerator) * 10_i128.pow(digits.into()), i128::from(denominator));
+        let numerator = i128::from(numerator) * 10_i128.pow(digits.into());
+        let denominator = i128::from(denominator);
         let away = (numerator.abs() * 2 + denominator) / (denominator * 2);
         let steps = numerator.signum() * away.max(numerator.abs().min(1));
         Self { steps: i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX }), digits }
@@ -76,7 +78,8 @@ impl Decimal {
 impl fmt::Display for Decimal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let sign = if self.steps < 0 { "-" } else { "" };
-        let (size, one) = (self.steps.unsigned_abs(), 10_u64.saturating_pow(self.digits.into()));
+        let size = self.steps.unsigned_abs();
+        let one = 10_u64.saturating_pow(self.digits.into());
         match self.digits {
             0 => write!(f, "{sign}{size}"),
             digits => write!(f, "{sign}{}.{:0width$}", size / one, size % one, width = digits.into()),
@@ -131,7 +134,8 @@ pub(super) fn steps(value: f64, scale: u32, signed: bool) -> Result<i32, NoWord>
         return Err(NoWord::NotANumber);
     }
     let (least, most) = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
-    let (least, most) = (Scaled { raw: least, scale }, Scaled { raw: most, scale });
+    let least = Scaled { raw: least, scale };
+    let most = Scaled { raw: most, scale };
     if !(least.value()..=most.value()).contains(&value) {
         return Err(NoWord::OutOfRange { least, most });
     }
@@ -150,7 +154,8 @@ mod tests {
 
     fn register(scale: u32, signed: bool) -> Register {
         let mut register = check::model(MODEL).unwrap().registers.remove(0);
-        (register.scale, register.signed) = (scale, signed);
+        register.scale = scale;
+        register.signed = signed;
         register
     }
 

@@ -157,7 +157,8 @@ impl SimBus {
         let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) else { return };
         node.drive.set_powered(at, powered);
         if !powered {
-            (node.busy_until, node.late_until) = (at, at);
+            node.busy_until = at;
+            node.late_until = at;
             self.outbox.silence(at, station);
         }
     }
@@ -337,7 +338,8 @@ impl SimBus {
             return self.outbox.recycle(frame);
         }
         self.newest_reply.extend_from_slice(&frame);
-        let (outbox, turnaround) = (&self.outbox, self.options.turnaround);
+        let outbox = &self.outbox;
+        let turnaround = self.options.turnaround;
         let burst = self.faults.burst(request, &frame, turnaround, |bytes| outbox.time(bytes));
         if let Some((after, bytes)) = burst {
             self.burst(end + after, &bytes);
@@ -542,7 +544,8 @@ mod tests {
     #[test]
     fn a_late_reply_comes_after_the_time_out_and_never_after_a_newer_one() {
         let read = frame(1, 3, 0x3123, 1);
-        let (mut ignored, mut queued) = (0, 0);
+        let mut ignored = 0;
+        let mut queued = 0;
         for seed in 0..200 {
             let mut bus = paced("late=1000,timeout-ms=100,lateness-ms=500", seed);
             bus.receive(ms(0), &read);

@@ -193,7 +193,8 @@ impl Faults {
         if self.hits(self.plan.lost) {
             return (Fate::Lost, usize::MAX);
         }
-        let (late, beyond) = (self.hits(self.plan.late), self.hits(self.plan.beyond));
+        let late = self.hits(self.plan.late);
+        let beyond = self.hits(self.plan.beyond);
         let foreign = self.hits(self.plan.foreign).then(|| reply.clone());
         if self.hits(self.plan.flip) {
             self.flip(reply);
@@ -207,7 +208,8 @@ impl Faults {
         }
         let whole = reply.len();
         if self.hits(self.plan.noise) {
-            let (noise, unused_bits) = (self.rng.usize(1..=8), 8_usize.saturating_sub(self.data_bits));
+            let noise = self.rng.usize(1..=8);
+            let unused_bits = 8_usize.saturating_sub(self.data_bits);
             reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise));
         }
         let hole = if self.hits(self.plan.hole) { self.rng.usize(1..reply.len().max(2)) } else { usize::MAX };
@@ -268,7 +270,8 @@ impl Faults {
         if most < 2 {
             return Vec::new();
         }
-        let (length, at) = (self.rng.usize(1..most), self.rng.usize(0..whole.len()));
+        let length = self.rng.usize(1..most);
+        let at = self.rng.usize(0..whole.len());
         let mut bytes = whole.to_vec();
         match self.rng.u8(0..5) {
             0 | 1 => bytes.truncate(length),
@@ -461,7 +464,8 @@ mod tests {
         const REQUEST: [u8; 8] = [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36];
         let time = |bytes: usize| Duration::from_millis(bytes as u64);
         let mut faults = faults("burst=1000", 3);
-        let (mut shaped, mut before_the_reply) = (0, 0);
+        let mut shaped = 0;
+        let mut before_the_reply = 0;
         for _ in 0..5_000 {
             let Some((after, bytes)) = faults.burst(&REQUEST, &REPLY, Duration::from_millis(5), time) else { continue };
             assert!(!bytes.is_empty() || after == Duration::from_millis(5));

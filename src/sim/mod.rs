@@ -141,7 +141,8 @@ mod tests {
     /// Brings the drive into the state in which the printed answer is due: a setpoint and an output
     /// frequency for a read, the time for the ramp included.
     fn prepare(bus: &mut SimBus, request: &[u8], value: Option<u16>) -> MonoTime {
-        let (address, word) = (u16::from_be_bytes([request[2], request[3]]), value.unwrap_or(0));
+        let address = u16::from_be_bytes([request[2], request[3]]);
+        let word = value.unwrap_or(0);
         let mut send = |at, address, value| {
             bus.receive(at, &frame(1, 6, address, value));
             taken(bus, at);

@@ -58,7 +58,9 @@ impl Motor {
 
     /// Cuts the output off at `at`: it is 0 at once and stays 0.
     pub fn cut_off(&mut self, at: MonoTime) {
-        (self.since, self.from, self.target) = (at, 0, 0);
+        self.since = at;
+        self.from = 0;
+        self.target = 0;
     }
 
     /// Changes the acceleration time from `at` on.

@@ -149,7 +149,8 @@ impl Outbox {
         let mut collisions = 0;
         for other in (0..self.waiting.len()).filter(|other| *other != place) {
             let (head, tail) = self.waiting.split_at_mut(place.max(other));
-            let (first, second) = (&mut head[place.min(other)], &mut tail[0]);
+            let first = &mut head[place.min(other)];
+            let second = &mut tail[0];
             if second.start < first.end {
                 collide(link, first, second);
                 collisions += 1;
@@ -199,7 +200,8 @@ impl Outbox {
             return false;
         }
         let both = [self.newest.as_slice(), &next.bytes].concat();
-        let (seam, least) = (self.newest.len(), rtu::adu_bytes(2));
+        let seam = self.newest.len();
+        let least = rtu::adu_bytes(2);
         (0..seam).any(|begin| {
             let ends = (seam + 1..=both.len()).filter(|end| end - begin >= least);
             ends.map(|end| &both[begin..end]).any(crc::is_sound)

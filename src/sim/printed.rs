@@ -132,7 +132,8 @@ fn every_pair_that_a_drive_can_be_brought_to_is_played() {
     let mut played = 0;
     let mut unused: Vec<_> = NOT_PLAYED.to_vec();
     for pair in pairs() {
-        let (drive, what) = (text(&pair, "drive"), text(&pair, "what"));
+        let drive = text(&pair, "drive");
+        let what = text(&pair, "what");
         let response_hex = text(&pair, "response").replace([' ', ':'], "");
         let is_this =
             |it: &(&str, &str, &str, &str)| it.0 == drive && what.starts_with(it.1) && response_hex.starts_with(it.2);

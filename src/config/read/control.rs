@@ -66,7 +66,8 @@ fn read_limits(reader: &mut Reader<'_, '_>) -> Option<LimitsFile> {
     let section = reader.required_table("frequency_hz")?;
     let mut reader = reader.open(section);
     let kind = Kind::decimal(HERTZ);
-    let (min, max) = (reader.required("min", &kind), reader.required("max", &kind));
+    let min = reader.required("min", &kind);
+    let max = reader.required("max", &kind);
     let limits = LimitsFile { min: exact(min, reader.problems()), max: exact(max, reader.problems()) };
     reader.finish();
     Some(limits)

@@ -229,7 +229,8 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
             defaults += "\n";
         }
     }
-    let (mut written, left_out) = (good(&text), good(&defaults));
+    let mut written = good(&text);
+    let left_out = good(&defaults);
     let mqtt = written.mqtt.as_mut().unwrap();
     assert_eq!(mqtt.client_id.take().as_deref(), Some("vfd-gateway-plant-a"));
     let sparkplug = mqtt.sparkplug.as_mut().unwrap();

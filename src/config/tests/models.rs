@@ -44,7 +44,9 @@ fn in_per_cent() -> Model {
         it.quirks.percent_of_rated = Some(proven(()));
         let output = it.registers.iter_mut().find(|it| it.role == Some(Role::OutputFrequency)).unwrap();
         let mut current = output.clone();
-        (current.role, current.unit, current.address) = (Some(Role::OutputCurrent), UnitOfMeasure::Percent, 0x0102);
+        current.role = Some(Role::OutputCurrent);
+        current.unit = UnitOfMeasure::Percent;
+        current.address = 0x0102;
         current.name = "output_current".to_owned();
         it.registers.push(current);
     })
@@ -94,7 +96,8 @@ fn control_is_handed_back_only_where_the_model_can_and_the_operator_wants_it() {
         settled(model, "on_shutdown = \"hold\"\n", &lines).map(|(.., release)| release)
     };
     let with_release = |confidence| model(|it| it.run.as_mut().unwrap().release = Some(fact(0, confidence)));
-    let (sure, unsure) = (with_release(Confidence::Manual), with_release(Confidence::Sibling));
+    let sure = with_release(Confidence::Manual);
+    let unsure = with_release(Confidence::Sibling);
     assert_eq!(release(&sure, ""), Ok(false));
     assert_eq!(release(&sure, "allow_release = true"), Ok(true));
     assert_eq!(release(&unsure, "allow_release = true\naccept_unverified = ['release']"), Ok(true));
@@ -137,9 +140,13 @@ fn with_twins() -> Model {
         let output = it.registers.iter().find(|it| it.role == Some(Role::OutputFrequency)).unwrap().clone();
         for (address, name, back_door) in [(0x0100, "plain", None), (0x0102, "door", Some("another way to run"))] {
             let mut register = output.clone();
-            (register.address, register.role, register.poll) = (address, None, None);
-            (register.access, register.memory) = (Access::ReadWrite, Some(Memory::Ram));
-            (register.name, register.back_door) = (name.to_owned(), back_door.map(str::to_owned));
+            register.address = address;
+            register.role = None;
+            register.poll = None;
+            register.access = Access::ReadWrite;
+            register.memory = Some(Memory::Ram);
+            register.name = name.to_owned();
+            register.back_door = back_door.map(str::to_owned);
             it.registers.push(register);
         }
     })
@@ -183,7 +190,8 @@ fn a_stored_twin_is_listed_by_its_own_address() {
 fn a_register_of_the_configuration_is_no_way_to_a_twin() {
     let mut twins = with_twins();
     let mut added = twins.register_at(0x0100).unwrap().clone();
-    (added.address, added.name) = (0x8002, "mine".to_owned());
+    added.address = 0x8002;
+    added.name = "mine".to_owned();
     twins.registers.push(added);
     let found = settled(&twins, "write = []", "write = ['mine']").unwrap_err();
     assert!(found[0].contains("the stored twin of `run_command` is what commands are written to"), "{found:?}");

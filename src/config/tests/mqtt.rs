@@ -50,7 +50,8 @@ fn everything_that_is_written_is_taken() {
          response_prefix = 'scada/answers'\nkeep_telemetry = 100000\nca_file = '/etc/ca.pem'\nclient_cert_file = '/etc/gw.pem'\n\
          client_key_file = '/etc/gw.key'",
     ));
-    let (cert_file, key_file) = (PathBuf::from("/etc/gw.pem"), PathBuf::from("/etc/gw.key"));
+    let cert_file = PathBuf::from("/etc/gw.pem");
+    let key_file = PathBuf::from("/etc/gw.key");
     let client = Some(ClientCertificate { cert_file, key_file });
     let tls = Some(TlsSettings { ca_file: Some(PathBuf::from("/etc/ca.pem")), client });
     let also_at = vec![("node-2".to_owned(), 8883), ("10.0.0.3".to_owned(), 8884)];

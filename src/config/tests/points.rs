@@ -119,7 +119,8 @@ fn a_table_about_topics_that_are_left_out_is_refused() {
         )
     };
     let heartbeats = "heartbeats = { output_frequency = '5s' }";
-    let (bands, decimals) = ("dead_bands = { output_frequency = 0.1 }", "decimals = { output_frequency = 1 }");
+    let bands = "dead_bands = { output_frequency = 0.1 }";
+    let decimals = "decimals = { output_frequency = 1 }";
     only(&publishing("['state']", heartbeats), &refusal("heartbeats"));
     good(&publishing("['state']", bands));
     good(&publishing("['values']", &format!("{heartbeats}\n{decimals}")));

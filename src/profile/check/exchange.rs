@@ -110,7 +110,8 @@ fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, pro
 /// The first address of `block` without a register that `may`; `None` if there is none, or if a register is too
 /// incomplete to decide.
 fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFile) -> Option<u32> {
-    let (first, count) = (u32::from(block.address.as_ref()?.value), block.count.as_ref()?.value);
+    let first = u32::from(block.address.as_ref()?.value);
+    let count = block.count.as_ref()?.value;
     let mut fit = BTreeSet::new();
     for RegisterFile { address, access, .. } in &file.registers {
         fit.extend(may(access.as_ref()?.value).then_some(u32::from(address.as_ref()?.value)));

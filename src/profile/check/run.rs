@@ -56,7 +56,8 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
         return;
     };
     let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else { return };
-    let (reset, stop) = (reset.value, stop.value);
+    let reset = reset.value;
+    let stop = stop.value;
     let ends_with_stop = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
     let mut example = vec![shown(stop, run), shown(reset, run)];
     example.extend(ends_with_stop.then(|| shown(stop, run)));
@@ -169,7 +170,9 @@ mod tests {
 
     /// [`MODEL`] with run commands that are values: stop 0, forward 1, reset 4.
     fn told_of_values(more: &str) -> String {
-        let (stop, forward, reset) = (fact(0), fact(1), fact(4));
+        let stop = fact(0);
+        let forward = fact(1);
+        let reset = fact(4);
         let run = format!("[run]\nform = \"values\"\nstop = {stop}\nforward = {forward}\nreset = {reset}\n{more}\n");
         let register = "[[register]]\nname = \"run\"\ntitle = \"Run\"\naddress = 2\nscale = 1\nunit = \"-\"\n\
                         access = \"write\"\nrole = \"run-command\"\nconfidence = \"manual\"\nsource = \"IM 1\"\n\n";

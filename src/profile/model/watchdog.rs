@@ -56,7 +56,9 @@ mod tests {
         let Some(register) = model.registers.iter_mut().find(|register| register.address == 0x020C) else {
             panic!("it has a ramp")
         };
-        (register.unit, register.scale, register.range) = (UnitOfMeasure::Second, 10, Some(0..=255));
+        register.unit = UnitOfMeasure::Second;
+        register.scale = 10;
+        register.range = Some(0..=255);
         assert_eq!((model.watchdog_time(20), model.watchdog_word(None)), (None, None), "it has none");
         model.watchdog = Some(Watchdog {
             time: 0x020C,

@@ -12,7 +12,8 @@ use layout::{Row, list, section};
 fn documents(model: &Model) -> Vec<Row> {
     let row = |document: &Document| {
         let of = if document.is_of(&model.id) { "this model".to_owned() } else { list(&document.of) };
-        let (kind, best) = (document.kind.word().to_owned(), document.best(&model.id).word());
+        let kind = document.kind.word().to_owned();
+        let best = document.best(&model.id).word();
         vec![document.name.clone(), kind, of, format!("at best {best}"), document.title.clone()]
     };
     model.documents.iter().map(row).collect()

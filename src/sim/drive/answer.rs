@@ -56,7 +56,8 @@ impl SimDrive {
     }
 
     const fn heard(&mut self, at: MonoTime) {
-        (self.last_heard, self.has_expired) = (at, false);
+        self.last_heard = at;
+        self.has_expired = false;
     }
 
     /// Whether the drive stays silent on a request that it cannot serve.
@@ -178,7 +179,8 @@ impl SimDrive {
     /// Takes `value` at `place`, or says why not.
     fn store(&mut self, at: MonoTime, place: MemoryAddress, value: u16) -> Result<(), Objection> {
         let register = &self.model.registers[place.index];
-        let (role, scale) = (register.role, register.scale);
+        let role = register.role;
+        let scale = register.scale;
         if !register.access.can_write() || role.is_some_and(Self::is_measured) {
             return Err(Objection::Address);
         }

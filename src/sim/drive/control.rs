@@ -152,7 +152,8 @@ impl SimDrive {
     /// register always listens, unless its commands have to say that it must.
     fn is_source_at_bus(&self, role: Role) -> bool {
         let Some(index) = self.index_for(role) else { return !self.model.run.as_ref().is_some_and(has_priority) };
-        let (word, address) = (self.memory.word(index), self.model.registers[index].address);
+        let word = self.memory.word(index);
+        let address = self.model.registers[index].address;
         let mut demanded = self.model.setup.iter().filter(|item| item.address == Some(address)).peekable();
         if demanded.peek().is_none() {
             return word == self.options.communication;

@@ -168,7 +168,8 @@ impl SimDrive {
             self.control = Control::default();
             let deaf = self.model.quirks.deaf_after_power_up.as_ref();
             self.deaf_until = deaf.map_or(at, |deaf| at + deaf.value);
-            (self.last_heard, self.has_expired) = (at, false);
+            self.last_heard = at;
+            self.has_expired = false;
             if !self.is_run_from_bus() {
                 self.hand_over(at);
             }
