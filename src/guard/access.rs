@@ -1,26 +1,26 @@
-//! Who may do what, by where a Modbus TCP client comes from and by its role.
+//! Rights of Modbus TCP clients, by network and by role.
 
 use crate::domain::command::Rights;
 use ipnet::IpNet;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 
-/// The rights of a client at `peer`, where `write` and `stop` name the networks of those who may. Without `stop`,
-/// whoever may write may stop.
+/// The rights of a client at `peer`, given the networks that may `write` and `stop`. Without `stop`, every network that
+/// may write may also stop.
 #[must_use]
 pub fn rights_of(peer: IpAddr, write: &[IpNet], stop: Option<&[IpNet]>) -> Rights {
     Rights { write: is_in(peer, write), stop: is_in(peer, stop.unwrap_or(write)) }
 }
 
-/// What is left of `rights` for a client with `role`, where `roles` says what each role may do; nothing: not even its reads
-/// are answered.
+/// `rights` restricted to those that `roles` grants to `role`. `None` for an unknown role: not even its reads are
+/// answered.
 #[must_use]
 pub fn rights_in_role(rights: Rights, role: &str, roles: &BTreeMap<String, Rights>) -> Option<Rights> {
     let granted = roles.get(role)?;
     Some(Rights { write: rights.write && granted.write, stop: rights.stop && granted.stop })
 }
 
-/// Whether `peer` is in one of `nets`. An IPv4 address that is mapped into IPv6 is the address itself.
+/// Whether `peer` is in one of `nets`. An IPv4-mapped IPv6 address counts as the IPv4 address.
 #[must_use]
 pub fn is_in(peer: IpAddr, nets: &[IpNet]) -> bool {
     nets.iter().any(|net| net.contains(&peer.to_canonical()))

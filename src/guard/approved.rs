@@ -1,16 +1,16 @@
-//! What may go to the line. Private fields, no copies: one approval is one list of frames, once.
+//! Approved work for the line. Private fields, no copies: one approval is one list of frames, sent once.
 
 use crate::domain::command::{Order, Owner};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{Step, Write};
 use crate::wire::pdu::Request;
 
-/// A command that may go to the line, as a bounded list of steps.
+/// A command approved for the line, as a bounded list of steps.
 #[derive(Debug)]
 pub struct Approved {
     pub(super) order: Order,
     pub(super) owner: Owner,
-    /// The drive's count of stops when this was approved. Any later stop makes it void.
+    /// The drive's stop count at approval. Any later stop voids the approval.
     pub(super) stops: u64,
     pub(super) start_before: MonoTime,
     pub(super) steps: Vec<Step>,
@@ -21,24 +21,24 @@ pub struct Approved {
 pub enum Void {
     /// A stop came after the approval.
     Stopped,
-    /// Its first write could not be sent in time.
+    /// Its first write missed the deadline.
     TooLate,
 }
 
 impl Approved {
-    /// What was ordered.
+    /// The order.
     #[must_use]
     pub const fn order(&self) -> &Order {
         &self.order
     }
 
-    /// Who ordered it.
+    /// The owner who ordered it.
     #[must_use]
     pub const fn owner(&self) -> Owner {
         self.owner
     }
 
-    /// Before this moment its first write leaves or never.
+    /// The deadline of its first write.
     #[must_use]
     pub const fn start_before(&self) -> MonoTime {
         self.start_before
@@ -50,8 +50,8 @@ impl Approved {
         &self.steps
     }
 
-    /// Whether its next frame may still reach the wire at `now`: no stop has come since (`stops` is the guard's present
-    /// count), and as long as nothing has been written the deadline has not passed.
+    /// Checks that its next frame may still be sent at `now`: no stop has arrived since (`stops` is the guard's current
+    /// count), and if nothing has been written yet, the deadline has not passed.
     ///
     /// # Errors
     /// [`Void`]
@@ -65,7 +65,7 @@ impl Approved {
         Ok(())
     }
 
-    /// The request of the step at `index`; nothing for a rest.
+    /// The request of the step at `index`; `None` for a rest.
     #[must_use]
     pub fn request(&self, index: usize) -> Option<Request> {
         match self.steps.get(index)? {
@@ -83,30 +83,30 @@ impl Approved {
     }
 }
 
-/// A stop or a cut-off that may go to the line, again and again until it is effective.
+/// A stop or a cut-off approved for the line, repeatedly until it is effective.
 #[derive(Debug, PartialEq, Eq)]
 pub struct StopOrder {
     pub(super) address: u16,
     pub(super) value: u16,
     pub(super) coast: bool,
-    /// The model declares that its register is written by function 10 hex as well.
+    /// The model declares that function 10 hex writes its register as well.
     pub(super) in_block: bool,
 }
 
 impl StopOrder {
-    /// What goes on the wire, in its first form.
+    /// Its request, in the first form.
     #[must_use]
     pub fn request(&self) -> Request {
         self.request_in(0)
     }
 
-    /// How many forms the model declares for it. Where the drive refuses one, the next is tried.
+    /// Number of forms that the model declares for it. If the drive refuses one, the next is tried.
     #[must_use]
     pub const fn forms(&self) -> usize {
         1 + self.in_block as usize
     }
 
-    /// What goes on the wire in the form with this number, counted on from the first behind the last.
+    /// Its request in the form with this number; numbers wrap around.
     #[must_use]
     pub fn request_in(&self, form: usize) -> Request {
         let Self { address, value, .. } = *self;

@@ -1,4 +1,4 @@
-//! The review of orders that are carried out while the motor stands still: reset, release, set-up.
+//! The review of orders that require standstill: reset, release, set-up.
 
 use super::approved::Approved;
 use super::review::{Facts, Verdict, no_steps, refused};
@@ -28,7 +28,7 @@ impl DriveGuard {
         match facts.tripped {
             Some(true) => {}
             None if stands_still => {}
-            // A controller that holds the value for reset means the change to it, and there is nothing to reset.
+            // A controller that holds the reset value means only the change to it, and there is nothing to reset.
             Some(false) if is_cyclic => {
                 self.resetting.add(owner, held_until);
                 return Ok(Verdict::Unchanged);
@@ -49,14 +49,14 @@ impl DriveGuard {
         Ok(Verdict::Go(self.approve(command, Order::Reset, steps)))
     }
 
-    /// Whether a reset of this model is ended by a word of its own, which may be missing.
+    /// Whether a reset of this model needs a final word, which may be missing.
     #[must_use]
     pub fn leaves_a_reset_standing(&self) -> bool {
         self.control.is_some() && steps::of_take_back(&self.model).is_ok()
     }
 
-    /// Takes back the word of a reset that was cut off: the end of what was ordered then, and nothing new. Nothing where
-    /// nobody may command the drive any more.
+    /// Clears the word of an interrupted reset: that completes the old order and is not a new one. `None` if the drive may
+    /// no longer be commanded.
     pub fn take_reset_back(&self) -> Option<Approved> {
         self.control.as_ref().filter(|_| !self.is_ending && !self.is_leaving)?;
         let steps = steps::of_take_back(&self.model).ok()?;
@@ -69,7 +69,7 @@ impl DriveGuard {
         })
     }
 
-    /// Whether a reset was taken from `owner`, who has ordered it again and again since; if so, it is held until then.
+    /// Whether a reset was accepted from `owner`, who has repeated the order ever since; if so, the hold is renewed.
     fn holds_reset(&mut self, owner: Owner, until: MonoTime, now: MonoTime) -> bool {
         self.resetting.forget_past(now);
         let holds = self.resetting.has(owner);
@@ -79,8 +79,8 @@ impl DriveGuard {
         holds
     }
 
-    /// Control goes back to panel or terminals: only at standstill, because a closed terminal may start the motor, and
-    /// only where the control section says so.
+    /// Returns control to panel or terminals: only at standstill, because a closed terminal may start the motor, and
+    /// only if the control section allows it.
     pub(super) fn review_release(
         &mut self,
         command: &CommandRequest,
@@ -92,7 +92,7 @@ impl DriveGuard {
             return Err(refused(Reason::NoRelease));
         }
         self.may_do(ControlAction::Release, control)?;
-        // A controller that holds the value for release means the change to it.
+        // A controller that holds the release value means only the change to it.
         if self.is_released && command.origin.manner == Manner::Cyclic {
             return Ok(Verdict::Unchanged);
         }
@@ -121,7 +121,7 @@ impl DriveGuard {
         Ok(Verdict::Go(self.approve(command, Order::Setup(addresses.to_vec()), steps)))
     }
 
-    /// What decides whom the motor obeys is changed while it stands still and nothing is ordered.
+    /// The source of commands is changed only at standstill and with nothing ordered.
     pub(super) fn may_change_at_rest(
         &self,
         command: &CommandRequest,

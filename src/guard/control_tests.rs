@@ -20,7 +20,7 @@ fn setpoint(centihertz: u16) -> Order {
     Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(centihertz)), None).unwrap())
 }
 
-/// A guard whose drive runs for the MQTT side.
+/// A guard whose drive runs for MQTT.
 fn held(settings: ControlSettings) -> DriveGuard {
     let mut guard = guard_of(model(), settings);
     assert_eq!(reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))), Ok(()));
@@ -53,7 +53,7 @@ fn control_is_taken_only_where_that_is_allowed_and_by_those_who_may_command() {
         }
         let owner = if told.is_none() { origin.owner } else { Owner::Mqtt };
         assert_eq!(guard.lease(), Some((owner, NOW + LEASE)));
-        assert_eq!((guard.intent(), guard.stops()), (intent, stops), "the drive goes on as it is");
+        assert_eq!((guard.intent(), guard.stops()), (intent, stops), "the drive continues unchanged");
     }
 }
 
@@ -79,7 +79,7 @@ fn a_free_drive_is_taken_only_while_it_may_turn() {
     assert_eq!(holder(&guard), Some(plc(1).owner));
     let later = NOW + Duration::from_secs(1);
     assert!(matches!(at(&mut guard, plc(1), Order::Take, &RUNNING, later), Ok(Verdict::Unchanged)));
-    assert_eq!(guard.lease(), Some((plc(1).owner, later + LEASE)), "it is a sign of life");
+    assert_eq!(guard.lease(), Some((plc(1).owner, later + LEASE)), "it renews the lease");
     let unlike = ControlSettings { allow_take: false, ..settings };
     assert_eq!(at(&mut guard_of(model(), unlike), plc(1), Order::Take, &RESTING, NOW).unwrap_err(), Reason::NoTake);
 }

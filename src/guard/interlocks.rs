@@ -1,4 +1,4 @@
-//! What is remembered of one drive so that it is neither started nor written too often.
+//! History of one drive that limits how often it is started and written.
 
 use crate::domain::command::RegisterWrite;
 use crate::domain::time::MonoTime;
@@ -9,22 +9,22 @@ use std::time::Duration;
 #[derive(Debug, Default)]
 pub(super) struct Interlocks {
     started_at: Option<MonoTime>,
-    /// When each stored register was last approved; no more than are listed as writable.
+    /// When a write to each stored register was last approved; bounded by the list of writable registers.
     written: Vec<(u16, MonoTime)>,
 }
 
 impl Interlocks {
-    /// The motor was told to start, and said yes or may have heard it.
+    /// The motor was ordered to start, and the drive acknowledged it or may have received it.
     pub fn started(&mut self, now: MonoTime) {
         self.started_at = Some(now);
     }
 
-    /// Whether a start now would follow the last one sooner than after `interval`.
+    /// Whether a start now would follow the last one within `interval`.
     pub fn is_too_soon(&self, interval: Duration, now: MonoTime) -> bool {
         self.started_at.is_some_and(|at| now.since(at) < interval)
     }
 
-    /// `writes` were approved: those that are stored are remembered.
+    /// `writes` were approved: remembers those to stored registers.
     pub fn approved(&mut self, model: &Model, writes: &[RegisterWrite], now: MonoTime) {
         for RegisterWrite { address, .. } in writes.iter().filter(|write| model.is_stored(write.address)) {
             match self.written.iter_mut().find(|(written, _)| written == address) {

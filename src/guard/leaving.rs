@@ -1,4 +1,4 @@
-//! A drive leaves the configuration, or its line is started anew: nobody commands it any more, and a motor that runs by
+//! A drive leaves the configuration, or its line is restarted: it accepts no commands any more, and a motor that runs by
 //! our order is stopped first.
 
 use super::state::{DriveGuard, Lost};
@@ -8,7 +8,7 @@ use crate::domain::time::MonoTime;
 use crate::journal::Cause;
 
 impl DriveGuard {
-    /// Nothing is accepted from now on but stops, until [`Self::stay`].
+    /// From now on only stops are accepted, until [`Self::stay`].
     pub const fn leave(&mut self) {
         self.is_leaving = true;
     }
@@ -18,13 +18,13 @@ impl DriveGuard {
         self.is_leaving = false;
     }
 
-    /// Whether somebody holds control, or the drive is ordered to run.
+    /// Whether control is held, or the drive is ordered to run.
     #[must_use]
     pub const fn is_held(&self) -> bool {
         self.lease.is_some() || matches!(self.intent(), RunIntent::Run(_))
     }
 
-    /// Ends the control of whoever holds it with a stop; nothing without a control section.
+    /// Ends any control with a stop; `None` without a control section.
     pub fn stop_to_leave(&mut self, now: MonoTime) -> Option<Lost> {
         self.control.as_ref()?;
         let owner = self.lease.take().map(|lease| lease.owner);

@@ -1,7 +1,7 @@
-//! The only door for commands: each is reviewed here and becomes [`Approved`], a [`StopOrder`], or a refusal.
+//! The single entry point for commands: each is reviewed here and becomes [`Approved`], a [`StopOrder`], or a refusal.
 //!
-//! The line takes nothing else, and nobody else can make one. One [`DriveGuard`] per drive keeps who holds control,
-//! what is ordered, and who may start it. It is called guard, not safety: nothing here is a safety function.
+//! The line accepts nothing else, and no other module can create one. One [`DriveGuard`] per drive tracks who holds
+//! control, the current order, and who may start the drive. It is called guard, not safety: it is no safety function.
 
 pub mod access;
 mod approved;

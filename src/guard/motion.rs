@@ -1,4 +1,4 @@
-//! The review of what may move a motor: setpoint and RUN, and the interlocks before them.
+//! The review of orders that may move a motor: setpoint and RUN, and their interlocks.
 
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
@@ -29,7 +29,7 @@ impl DriveGuard {
         if let Some(direction) = go.run() {
             self.may_turn(direction, control)?;
         }
-        // A controller that only sets parameters may have stopped looking after the motor.
+        // A controller that only sets parameters may no longer be supervising the motor.
         let renews = command.origin.manner == Manner::Once || go.run().is_some() || go.frequency().is_some();
         let Some(go) = self.what_changes(command.origin, go, control) else {
             self.renew_unchanged(owner, control, now);
@@ -58,8 +58,8 @@ impl DriveGuard {
         Ok(Verdict::Go(self.approve(command, Order::Go(go), steps)))
     }
 
-    /// The parts of a cyclic order that are not in force already; nothing if all are. A setpoint beside RUN always goes
-    /// with it: while the motor stood, somebody may have set another one at the drive.
+    /// The parts of a cyclic order that are not in force yet; `None` if all are. A setpoint beside RUN is always sent with
+    /// it: during standstill, another one may have been set at the drive.
     fn what_changes(&self, origin: Origin, go: &Go, control: &ControlSettings) -> Option<Go> {
         if origin.manner == Manner::Once {
             return Some(go.clone());
@@ -125,13 +125,13 @@ impl DriveGuard {
         Ok(())
     }
 
-    /// Whether RUN would set a motor going that is not known to turn, nor ordered to.
+    /// Whether RUN would start a motor that is neither known nor ordered to turn.
     fn is_a_start(&self, direction: Direction, facts: &Facts) -> bool {
         let is_ordered = self.run_acknowledged && self.intent() == RunIntent::Run(direction);
         !is_ordered && facts.output.is_none_or(|output| output == Hertz::ZERO)
     }
 
-    /// Whether every command takes control from panel and terminals, so that none is without effect there.
+    /// Whether every command overrides panel and terminals, so that it always takes effect.
     fn takes_priority(&self) -> bool {
         let form = self.model.run.as_ref().map(|run| &run.form);
         matches!(form, Some(RunForm::Bits { priority: 1.., .. }))
@@ -142,9 +142,9 @@ impl DriveGuard {
         go.frequency().is_some_and(|frequency| self.setpoint().is_none_or(|in_force| frequency > in_force))
     }
 
-    /// The start inhibit. A cyclic commander shows by a stop that it knows; a message shows it by having been sent
-    /// after the last inhibit: by its epoch, by its moment of issue, or, where it names neither, by coming a while after
-    /// it. The start of the process is not among these: no message from before that reaches it.
+    /// The start inhibit. A cyclic client acknowledges it by a stop; a message must have been sent after the last
+    /// inhibit, as shown by its epoch, its moment of issue, or, without either, by arriving a while later. The start
+    /// of the process is no such inhibit: no earlier message reaches it.
     fn may_start(&self, command: &CommandRequest, control: &ControlSettings, now: MonoTime) -> Result<(), Report> {
         if command.origin.manner == Manner::Cyclic {
             return if self.armed.has(command.origin.owner) { Ok(()) } else { Err(refused(Reason::StartInhibited)) };
@@ -155,7 +155,7 @@ impl DriveGuard {
         if let Some(issued) = command.issued {
             return if issued > self.starts_after() { Ok(()) } else { Err(refused(Reason::Stale)) };
         }
-        // From the page nothing comes that a broker has kept.
+        // Orders from the page are never retained by a broker.
         if control.strict && !matches!(command.origin.owner, Owner::Page(_)) {
             return Err(refused(Reason::EpochNeeded));
         }
@@ -179,8 +179,8 @@ fn is_within(frequency: Hertz, control: &ControlSettings) -> Result<(), Report> 
     if within { Ok(()) } else { Err(refused(Reason::OutsideLimits)) }
 }
 
-/// Whether somebody at the drive or beside the commander ends what stands against RUN. One that is held must not start the
-/// motor at that moment: it is ordered anew.
+/// Whether an action at the drive or by another client can clear the obstacle to RUN. A held RUN must not start the motor
+/// at that moment: it must be ordered again.
 const fn is_ended_at_the_drive(reason: Reason) -> bool {
     matches!(reason, Reason::Tripped | Reason::LocalControl | Reason::Watchdog)
 }

@@ -1,23 +1,23 @@
-//! Control that was held when the gateway ended: its owner has time to take it up again, and then the declared action runs.
+//! Control held when the gateway exited: its owner has time to resume it, after which the declared action runs.
 
 use super::approved::StopOrder;
 use super::state::{DriveGuard, Lease};
 use crate::domain::time::MonoTime;
 use crate::journal::{Cause, RememberedLease};
 
-/// A lease of an earlier life of the gateway.
+/// The state of a lease from before a restart of the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Orphan {
-    /// The drive was not seen yet. If the lease was orphaned before, its owner has had its time.
+    /// The drive has not been seen yet. If the lease was already orphaned, its owner's time is over.
     Unseen { was_orphaned: bool },
-    /// The owner gave a sign of life before the drive was seen.
+    /// The owner sent a heartbeat before the drive was seen.
     TakenUp,
-    /// The drive was found running, and the owner gave no sign of life yet.
+    /// The drive was found running, and the owner has not sent a heartbeat yet.
     Running(Cause),
 }
 
 impl Orphan {
-    /// Its owner gave a sign of life.
+    /// Its owner sent a heartbeat.
     pub const fn taken_up(self) -> Option<Self> {
         match self {
             Self::Unseen { .. } | Self::TakenUp => Some(Self::TakenUp),
@@ -25,7 +25,7 @@ impl Orphan {
         }
     }
 
-    /// Why the declared action runs at its end.
+    /// Why the declared action runs when the lease ends.
     pub const fn cause(self) -> Cause {
         match self {
             Self::Running(cause) => cause,
@@ -35,7 +35,7 @@ impl Orphan {
 }
 
 impl DriveGuard {
-    /// Control was held when the gateway ended. Nobody else gets it before the drive is seen.
+    /// Restores control held when the gateway exited. No other client gets it before the drive is seen.
     pub fn remember_lease(&mut self, lease: RememberedLease) {
         if self.control.is_some() {
             let orphan = Some(Orphan::Unseen { was_orphaned: lease.was_orphaned });
@@ -43,7 +43,7 @@ impl DriveGuard {
         }
     }
 
-    /// A stop was pending when the gateway ended: it is so again. Nothing where it cannot be ordered any more.
+    /// Restores a stop that was pending when the gateway exited. `None` if it can no longer be ordered.
     pub fn remember_stop(&mut self, coast: bool, now: MonoTime) -> Option<StopOrder> {
         self.control.as_ref()?;
         let order = self.stop_order(coast)?;
@@ -51,13 +51,13 @@ impl DriveGuard {
         Some(order)
     }
 
-    /// Whether the owner of the lease is awaited from an earlier life of the gateway.
+    /// Whether the owner of the lease is awaited since before a restart of the gateway.
     #[must_use]
     pub fn is_orphaned(&self) -> bool {
         self.lease.is_some_and(|lease| matches!(lease.orphan, Some(Orphan::Unseen { .. } | Orphan::Running(_))))
     }
 
-    /// The drive shows at `now` that its motor turns. Under an orphaned lease that is when the time of its owner begins.
+    /// The drive shows at `now` that its motor turns. For an orphaned lease, the owner's time begins here.
     pub fn found_running(&mut self, now: MonoTime) {
         let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };
         match lease.orphan {

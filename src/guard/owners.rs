@@ -1,14 +1,13 @@
-//! A few commanders that something is remembered of.
+//! A bounded set of owners, each remembered for a time.
 
 use crate::domain::command::Owner;
 use crate::domain::time::MonoTime;
 
-/// Most commanders that are remembered. One that is forgotten for it has to command stop again before it starts, or its
-/// held order to reset acts once more.
+/// Maximum number of owners. One that is evicted has to command stop again before it starts, or its held order to reset
+/// acts once more.
 const OWNERS_MAX: usize = 64;
 
-/// Commanders in the order in which they came, each until a moment. There is a bound: the one that has been there for
-/// longest makes room.
+/// Owners in order of insertion, each with an expiry. The set is bounded: the oldest makes room.
 #[derive(Debug, Default)]
 pub(super) struct Owners {
     owners: Vec<(Owner, MonoTime)>,
@@ -23,7 +22,7 @@ impl Owners {
         self.owners.is_empty()
     }
 
-    /// Remembers `owner` until `until`, whatever was known of it.
+    /// Remembers `owner` until `until`, replacing an earlier entry.
     pub(super) fn add(&mut self, owner: Owner, until: MonoTime) {
         if let Some((_, known)) = self.owners.iter_mut().find(|(it, _)| *it == owner) {
             *known = until;
@@ -39,7 +38,7 @@ impl Owners {
         self.owners.retain(|(it, _)| *it != owner);
     }
 
-    /// Forgets those whose moment has passed at `now`.
+    /// Removes the owners that have expired at `now`.
     pub(super) fn forget_past(&mut self, now: MonoTime) {
         self.owners.retain(|(_, until)| *until > now);
     }

@@ -1,4 +1,4 @@
-//! Who may command, by who holds control: one at a time or anybody, and how control is taken over.
+//! Ownership of control: one owner at a time or shared, and take-over.
 
 use super::review::{Facts, Verdict, refused};
 use super::state::DriveGuard;
@@ -7,7 +7,7 @@ use crate::domain::control::{ControlSettings, Ownership};
 use crate::domain::time::MonoTime;
 
 impl DriveGuard {
-    /// What holds for every command but a stop.
+    /// Rules for every command but a stop.
     pub(super) fn may_command(&self, origin: Origin, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
         self.may_be_heard(origin)?;
         let other = self.lease().map(|(owner, _)| owner).filter(|owner| *owner != origin.owner);
@@ -22,8 +22,8 @@ impl DriveGuard {
         Err(refused(reason))
     }
 
-    /// Control passes to the one who takes it, and the drive goes on as it is. Where nobody holds it, only a motor that is
-    /// not known to stand still has something to be taken.
+    /// Passes control to the client that takes it; the drive continues unchanged. Without an owner, control can be taken
+    /// only of a motor that is not known to be at standstill.
     pub(super) fn review_take(
         &mut self,
         origin: Origin,
@@ -48,14 +48,14 @@ impl DriveGuard {
         Ok(Verdict::Taken(holder))
     }
 
-    /// Whether an order of `owner` meets a lease that may be taken for its own.
+    /// Whether `owner` may treat the current lease as its own.
     pub(super) fn counts_as_held_by(&self, owner: Owner, control: &ControlSettings) -> bool {
         let holder = self.lease().map(|(owner, _)| owner);
         holder == Some(owner) || (holder.is_some() && control.ownership == Ownership::Any)
     }
 
-    /// An order that changes nothing is a sign of life. Where anybody may command, it is one of whoever holds control: two
-    /// controllers that repeat the same orders do not take it from each other.
+    /// An order that changes nothing renews the lease. With shared ownership it renews the current owner's lease: two
+    /// controllers that repeat the same orders do not take control from each other.
     pub(super) fn renew_unchanged(&mut self, owner: Owner, control: &ControlSettings, now: MonoTime) {
         let holder = self.lease().map(|(owner, _)| owner);
         let counts = self.counts_as_held_by(owner, control);

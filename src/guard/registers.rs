@@ -1,5 +1,5 @@
-//! The review of writes to the drive's own registers: which may be written, how often those that are stored, and who
-//! sets the drive's watchdog.
+//! The review of writes to the drive's own registers: which may be written, how often stored ones may be, and who may set
+//! the drive's watchdog.
 
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
@@ -10,7 +10,7 @@ use crate::drive::{decode, steps};
 use crate::profile::model::ParameterKind;
 
 impl DriveGuard {
-    /// A register is listed, is no way around control whoever has listed it, and is not worn out.
+    /// The register is listed, does not bypass control even if listed, and is not written too often.
     pub(super) fn may_be_written(
         &self,
         writes: &[RegisterWrite],
@@ -35,7 +35,7 @@ impl DriveGuard {
         if writes.iter().enumerate().any(is_repeated) { Err(refused(Reason::WrittenTooOften)) } else { Ok(()) }
     }
 
-    /// Whether `go` sets the time of the drive's own watchdog, by a tool at the gateway's own socket.
+    /// Whether `go` sets the time of the drive's own watchdog, sent by a tool through the gateway's local socket.
     pub(super) fn sets_watchdog(&self, origin: Origin, go: &Go) -> bool {
         let time = self.model.watchdog.as_ref().map(|watchdog| watchdog.time);
         let is_alone = go.frequency().is_none() && go.run().is_none();
@@ -43,9 +43,9 @@ impl DriveGuard {
         origin.owner == Owner::Local && is_alone && is_time
     }
 
-    /// A person at the host writes a parameter of the drive back, one at a time: at standstill and with nothing ordered, like
-    /// everything that decides how a motor turns. What is listed for clients does not count here, because no client does this;
-    /// what is another way to the motor stays shut, and what takes the drive from the bus is a release.
+    /// A person at the host restores parameters of the drive, one at a time: at standstill and with nothing ordered, like
+    /// everything that decides how a motor turns. The list of writable registers does not apply, because no client does this;
+    /// back doors stay shut, and a parameter that takes the drive off the bus counts as a release.
     pub(super) fn review_parameter(
         &mut self,
         command: &CommandRequest,
@@ -79,7 +79,7 @@ impl DriveGuard {
     }
 
     /// The drive's own watchdog is set like everything that decides when a motor stops: at standstill, with nothing
-    /// ordered, and read back.
+    /// ordered, and with read-back.
     pub(super) fn review_watchdog(
         &mut self,
         command: &CommandRequest,
@@ -97,7 +97,7 @@ impl DriveGuard {
     }
 }
 
-/// Whether `go` writes one register and nothing else, by a tool at the gateway's own socket.
+/// Whether `go` writes exactly one register, sent by a tool through the gateway's local socket.
 pub(super) fn is_parameter(origin: Origin, go: &Go) -> bool {
     let is_alone = go.frequency().is_none() && go.run().is_none() && go.registers().len() == 1;
     origin.owner == Owner::Local && is_alone

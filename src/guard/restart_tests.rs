@@ -1,4 +1,4 @@
-//! A plain RUN may have waited in front of the gateway: after everything that inhibits the start it is refused for a time.
+//! A plain RUN may have been queued before the gateway: after anything that inhibits the start it is refused for a time.
 
 use super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, reviewed, run};
 use super::*;
@@ -16,27 +16,27 @@ fn page() -> Origin {
     Origin { owner: Owner::Page(CommanderName::new("anna").unwrap()), ..mqtt() }
 }
 
-/// What it is called, and what happens.
+/// Name and event.
 type Ending = (&'static str, fn(&mut DriveGuard));
 
-/// What ends the right to start, at [`NOW`].
+/// Events that end the right to start, at [`NOW`].
 const ENDINGS: [Ending; 6] = [
     ("a stop", |guard| reviewed(guard, &command(mqtt(), STOP)).unwrap()),
-    ("a trip, or a drive that is away", |guard| guard.lost_touch(NOW)),
+    ("a trip, or a drive that is offline", |guard| guard.lost_touch(NOW)),
     ("a stop that was given up", |guard| guard.inhibit(NOW)),
     ("a lost lease with hold", |guard| {
         let (_, until) = guard.lease().unwrap();
         let lost = guard.expire(until, false).unwrap();
         assert_eq!((until, lost.action), (NOW, FailSafe::Hold));
     }),
-    ("a lease that is lost at rest", |guard| {
+    ("a lease that is lost at standstill", |guard| {
         guard.inhibit(NOW.before(DELAY));
         assert_eq!(guard.expire(NOW, true), None);
     }),
     ("a release", |guard| guard.released(NOW)),
 ];
 
-/// A drive that `owner` has started, with a lease that ends at [`NOW`].
+/// A drive started by `owner`, with a lease that ends at [`NOW`].
 fn running(owner: Origin) -> DriveGuard {
     let settings = ControlSettings { on_commander_lost: FailSafe::Hold, ..control() };
     let lost_after = settings.lost_after;

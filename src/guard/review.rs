@@ -1,4 +1,4 @@
-//! The review: the rules in the order in which they are asked, each with its reason for a refusal.
+//! The review: the rules in order of evaluation, each with its reason for a refusal.
 
 use super::approved::{Approved, StopOrder};
 use super::registers::is_parameter;
@@ -10,11 +10,10 @@ use crate::domain::time::MonoTime;
 use crate::drive::steps::{self, NoSteps};
 use std::time::Duration;
 
-/// A command that names no deadline is sent within this time or never (laws: every command has a deadline). Every lease
-/// is longer.
+/// Default deadline: a command without its own is sent within this time or never. Every lease is longer.
 pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 
-/// What is known of the drive when a command is reviewed.
+/// Facts about the drive when a command is reviewed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Facts {
     /// Requests can be sent over the line.
@@ -27,12 +26,12 @@ pub struct Facts {
     pub stop_pending: bool,
     /// Whether the drive is tripped, if that is known.
     pub tripped: Option<bool>,
-    /// The motor is known to stand still.
+    /// The motor is known to be at standstill.
     pub at_standstill: bool,
-    /// Fresh readings show that the motor does not run, or ramps down because of a stop that was given here. Only then a
-    /// stop that is ordered again changes nothing.
+    /// Fresh readings show that the motor is not running, or is ramping down because of a stop given here. Only then does
+    /// another stop change nothing.
     pub rests: bool,
-    /// The drive has refused the last stop that it was sent, and none has taken effect since.
+    /// The drive refused the last stop sent to it, and none has taken effect since.
     pub stop_refused: bool,
     /// Output frequency, if it was read.
     pub output: Option<Hertz>,
@@ -40,24 +39,24 @@ pub struct Facts {
     pub turns: Option<Direction>,
     /// Whether the drive obeys its panel or terminals, if that is known.
     pub is_local: Option<bool>,
-    /// The drive's own watchdog is known to be on, and to fit what was configured.
+    /// The drive's own watchdog is known to be on and suitable for the configuration.
     pub is_watched: bool,
 }
 
-/// What becomes of a command.
+/// The verdict on a command.
 #[derive(Debug)]
 pub enum Verdict {
-    /// It is in force already, or only renewed the lease: nothing goes to the line.
+    /// It is already in force, or only renewed the lease: nothing is sent.
     Unchanged,
-    /// It joins the stop that is on its way.
+    /// It joins the stop in progress.
     JoinsStop,
-    /// It goes to the line before everything else.
+    /// It is sent before everything else.
     Stop(StopOrder),
-    /// The same, and it is the order that is in force already: the drive has refused it, and may take it now.
+    /// The same, for a stop that is already in force: the drive refused it, and may accept it now.
     StopAgain(StopOrder),
-    /// It goes to the line in its turn.
+    /// It is sent in its turn.
     Go(Approved),
-    /// Control has passed to the one who took it, from the one who held it, if anybody did.
+    /// Control has passed to the client, from the previous owner, if any.
     Taken(Option<Owner>),
 }
 
@@ -65,7 +64,7 @@ impl DriveGuard {
     /// Reviews `command` at `now`.
     ///
     /// # Errors
-    /// Why nothing may be put on the line.
+    /// The reason for the refusal.
     pub fn review(&mut self, command: &CommandRequest, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let origin = command.origin;
@@ -74,7 +73,7 @@ impl DriveGuard {
             self.resetting.remove(origin.owner);
         }
         match &command.order {
-            // A setpoint beside a stop is never taken: what the commander reads back shows it.
+            // A setpoint beside a stop is never accepted: the client sees that when it reads back.
             Order::Stop { .. } => self.review_stop(origin, facts, now),
             Order::Coast => self.review_coast(origin, &control, facts, now),
             Order::Take => self.review_take(origin, &control, facts, now),
@@ -113,8 +112,8 @@ impl DriveGuard {
         self.stop(origin, true, facts, now)
     }
 
-    /// Whether this cyclic order to stop is the one in force: its sender has commanded it since the last inhibit. Where
-    /// the drive has shown the effect of a stop since then, whoever else commands it has commanded the same.
+    /// Whether this cyclic order to stop is the one in force: its sender has commanded it since the last inhibit. If the
+    /// drive has shown the effect of a stop since then, that holds for any other client's stop as well.
     fn is_stop_in_force(&mut self, origin: Origin, intent: RunIntent, facts: &Facts) -> bool {
         if origin.manner != Manner::Cyclic || self.intent() != intent {
             return false;
@@ -135,7 +134,7 @@ impl DriveGuard {
         Ok(if in_force && facts.stop_refused { Verdict::StopAgain(order) } else { Verdict::Stop(order) })
     }
 
-    /// Accepts a stop of `owner`, which is sent. Nothing on a model that has none of this kind.
+    /// Accepts a stop of `owner`, which is sent. `None` if the model has no stop of this kind.
     fn stop_of(&mut self, owner: Owner, coast: bool, now: MonoTime) -> Option<StopOrder> {
         let order = self.stop_order(coast)?;
         self.accept_stop(Some(owner), coast, now);
@@ -143,21 +142,21 @@ impl DriveGuard {
         Some(order)
     }
 
-    /// A stop of `owner` was answered from memory, because the drive had been seen not running, and is now seen running:
-    /// it goes out after all.
+    /// A stop of `owner` was answered from memory because the drive was not running; now it is seen running, and the stop
+    /// is sent after all.
     pub fn stop_after_all(&mut self, owner: Owner, coast: bool, now: MonoTime) -> Option<StopOrder> {
         self.control.as_ref()?;
         self.stop_of(owner, coast, now)
     }
 
-    /// A control action needs a fact of the model that is proven, or that the control section accepts as it is.
+    /// A control action requires a proven fact of the model, or acceptance in the control section.
     pub(super) fn may_do(&self, action: ControlAction, control: &ControlSettings) -> Result<(), Report> {
         let run = self.model.run.as_ref().filter(|run| run.action(action).is_some());
         let run = run.ok_or(refused(Reason::NotCapable))?;
         if run.may(action, &control.accept_unverified) { Ok(()) } else { Err(refused(Reason::Unverified)) }
     }
 
-    /// A motor is moved only where stop, forward and the setpoint are proven or accepted: what cannot be stopped is not
+    /// A motor is moved only if stop, forward and the setpoint are proven or accepted: a motor that cannot be stopped is not
     /// started. A stop itself is never refused for that.
     pub(super) fn may_be_ordered(&self, go: &Go, control: &ControlSettings) -> Result<(), Report> {
         let moves = go.run().is_some() || go.frequency().is_some();
@@ -184,7 +183,7 @@ pub(super) fn no_steps(no: NoSteps) -> Report {
     })
 }
 
-/// Whether a commander that orders this holds an order to reset no longer.
+/// Whether this order ends a client's hold on a reset.
 fn ends_a_reset(order: &Order) -> bool {
     match order {
         Order::Go(go) => go.run().is_some(),
@@ -193,7 +192,7 @@ fn ends_a_reset(order: &Order) -> bool {
     }
 }
 
-/// A stop from Modbus TCP is a matter of the listener's `stop` alone, whatever sides the drive is commanded from.
+/// A stop through Modbus TCP depends on the listener's `stop` alone, whichever interfaces may command the drive.
 fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Result<(), Report> {
     let stops = order.is_stop();
     let allowed = match owner {

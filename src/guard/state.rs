@@ -1,4 +1,4 @@
-//! Who holds control of one drive, what is ordered, and who may start it.
+//! Control of one drive: its owner, the current order, and who may start it.
 
 use super::approved::StopOrder;
 use super::interlocks::Interlocks;
@@ -20,30 +20,30 @@ pub struct DriveGuard {
     pub(super) control: Option<Arc<ControlSettings>>,
     pub(super) lease: Option<Lease>,
     intent: RunIntent,
-    /// Whether the drive has acknowledged the intent. Until then an equal order is a new one.
+    /// Whether the drive has acknowledged the intent. Until then an equal order counts as new.
     pub(super) run_acknowledged: bool,
-    /// The direction in which the drive was last told to run, and whether it said yes or may only have taken it, unless
-    /// something has ended that.
+    /// The direction in which the drive was last ordered to run, and whether it acknowledged that or only may have
+    /// accepted it; `None` once the order has ended.
     obeyed: Option<(Direction, bool)>,
-    /// The direction that was ordered last, whether or not it is in force: the motor may still turn.
+    /// The last ordered direction, in force or not: the motor may still turn.
     pub(super) turned: Option<Direction>,
     setpoint: Option<Setpoint>,
-    /// The last one that the drive acknowledged.
+    /// The last acknowledged setpoint.
     held_setpoint: Option<Setpoint>,
-    /// Who has commanded stop since the last inhibit and may therefore start.
+    /// Owners that have commanded stop since the last inhibit, and may therefore start.
     pub(super) armed: Owners,
-    /// Who holds the order to reset: it acted when it came, and acts again once it was taken back or came no more.
+    /// Owners that hold an order to reset: it acted on arrival, and acts again only after it was withdrawn or expired.
     pub(super) resetting: Owners,
     stops: u64,
     epoch: u64,
-    /// When the drive was found. What was issued before does not start it.
+    /// When the drive was added. Orders issued before do not start it.
     found_at: MonoTime,
-    /// When something ended the right to start last: a stop, a trip, a lost lease. What was issued before does not start it.
+    /// When the right to start last ended, by a stop, a trip or a lost lease. Orders issued before do not start the drive.
     pub(super) inhibited_at: Option<MonoTime>,
     failsafe: bool,
-    /// The last stop has taken effect, and nothing has ended that since.
+    /// The last stop has taken effect, and still holds.
     pub(super) stop_took_effect: bool,
-    /// Control was handed back, and nothing was ordered since.
+    /// Control was released, and nothing has been ordered since.
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
     pub(super) interlocks: Interlocks,
@@ -51,12 +51,12 @@ pub struct DriveGuard {
     pub(super) is_leaving: bool,
 }
 
-/// Control is leased: it ends unless its owner gives signs of life.
+/// A lease on control: it ends unless its owner renews it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lease {
     pub owner: Owner,
     pub until: MonoTime,
-    /// It comes from an earlier life of the gateway, and its owner is awaited.
+    /// It is from before a restart of the gateway, and its owner is awaited.
     pub orphan: Option<Orphan>,
 }
 
@@ -68,22 +68,22 @@ pub(super) struct Setpoint {
     pub acknowledged: bool,
 }
 
-/// A commander is gone, or the gateway ends: what is done about it.
+/// The action after a client is lost, or when the gateway shuts down.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Lost {
-    /// Who held control.
+    /// The owner of control.
     pub owner: Option<Owner>,
-    /// What is declared.
+    /// The declared action.
     pub action: FailSafe,
     /// Why it runs.
     pub cause: Cause,
-    /// The frame for it; nothing with hold.
+    /// Its frame; `None` for hold.
     pub order: Option<StopOrder>,
 }
 
 impl DriveGuard {
-    /// The guard of a drive that was found at `now`: nobody holds control, and the start is inhibited. Epochs count from
-    /// `first_epoch`, which should differ from those of an earlier run of the gateway.
+    /// Creates the guard of a drive that was added at `now`: it has no owner, and the start is inhibited. Epochs count
+    /// from `first_epoch`, which should differ from those of a previous run of the gateway.
     #[must_use]
     pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64, now: MonoTime) -> Self {
         Self {
@@ -111,19 +111,19 @@ impl DriveGuard {
         }
     }
 
-    /// What the drive's control section allows.
+    /// The limits in the drive's control section.
     #[must_use]
     pub fn control(&self) -> Option<&ControlSettings> {
         self.control.as_deref()
     }
 
-    /// Who holds control, and until when without a sign of life.
+    /// The owner of control, and when the lease ends unless renewed.
     #[must_use]
     pub fn lease(&self) -> Option<(Owner, MonoTime)> {
         self.lease.map(|lease| (lease.owner, lease.until))
     }
 
-    /// What is ordered and in force.
+    /// The order in force.
     #[must_use]
     pub const fn intent(&self) -> RunIntent {
         self.intent
@@ -135,7 +135,7 @@ impl DriveGuard {
         self.setpoint.map(|setpoint| setpoint.value)
     }
 
-    /// Whether nobody may start the drive before commanding stop.
+    /// Whether every client must command stop before it may start the drive.
     #[must_use]
     pub fn is_start_inhibited(&self) -> bool {
         self.armed.is_empty()
@@ -147,35 +147,35 @@ impl DriveGuard {
         self.failsafe
     }
 
-    /// How many stops there were: what was approved before the last one is void.
+    /// The number of stops so far: approvals from before the last one are void.
     #[must_use]
     pub const fn stops(&self) -> u64 {
         self.stops
     }
 
-    /// The drive's epoch, as commanders may name it.
+    /// The drive's epoch, as clients may quote it.
     #[must_use]
     pub const fn epoch(&self) -> u64 {
         self.epoch
     }
 
-    /// Until when a moment of issue is too early to start the drive.
+    /// Orders issued up to this moment do not start the drive.
     pub(super) fn starts_after(&self) -> MonoTime {
         self.inhibited_at.unwrap_or(self.found_at)
     }
 
-    /// The way from commanders was opened anew: what was issued before is stale.
+    /// The connection of clients was reopened: orders issued before are stale.
     pub fn new_epoch(&mut self) {
         self.epoch += 1;
     }
 
-    /// When something is due without any event: the end of the lease.
+    /// When [`Self::expire`] is due: the end of the lease.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         self.lease.map(|lease| lease.until).filter(|until| *until != MonoTime::NEVER)
     }
 
-    /// The owner gave a sign of life.
+    /// The owner renews its lease.
     pub fn renew(&mut self, owner: Owner, now: MonoTime) {
         if let (Some(lease), Some(control)) = (&mut self.lease, &self.control)
             && lease.owner == owner
@@ -185,20 +185,20 @@ impl DriveGuard {
         }
     }
 
-    /// The way from `owner` is open: a session lease lives on by that alone.
+    /// The connection of `owner` is open: that alone renews a session lease.
     pub fn path_alive(&mut self, owner: Owner, now: MonoTime) {
         if self.control.as_ref().is_some_and(|control| control.lease == LeaseMode::Session) {
             self.renew(owner, now);
         }
     }
 
-    /// The motor was told to start, and said yes or may have heard it.
+    /// The motor was ordered to start, and the drive acknowledged it or may have received it.
     pub fn started(&mut self, now: MonoTime) {
         self.interlocks.started(now);
     }
 
-    /// Ends the lease if it has run out at `now`, and says what is declared for that; nothing if nothing has to be
-    /// done because the drive is ordered to stop and `at_rest` says that it has.
+    /// Ends the lease if it has expired at `now`, and returns the declared action; `None` if no action is needed, because
+    /// the drive is ordered to stop and is `at_rest`.
     pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
         let lease = self.lease.filter(|lease| lease.until <= now)?;
         self.lease = None;
@@ -213,7 +213,7 @@ impl DriveGuard {
         Some(self.lost(Some(lease.owner), action, cause, now))
     }
 
-    /// The gateway ends: nothing is accepted any more. Says what is declared for a drive that is under control.
+    /// The gateway shuts down: nothing is accepted any more. Returns the declared action for a drive under control.
     pub fn shut_down(&mut self, now: MonoTime) -> Option<Lost> {
         self.is_ending = true;
         let action = self.control.as_ref()?.on_shutdown;
@@ -224,8 +224,8 @@ impl DriveGuard {
         Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
-    /// Something happened at `now` after which nobody may simply go on: a lost lease, a stop that was given up. What was
-    /// issued before that, with an epoch or without, does not start the drive.
+    /// Inhibits the start at `now`, after a lost lease or an abandoned stop. Orders issued before, with an epoch or
+    /// without, do not start the drive.
     pub fn inhibit(&mut self, now: MonoTime) {
         self.inhibited_at = Some(now);
         self.epoch += 1;
@@ -236,13 +236,13 @@ impl DriveGuard {
         self.obeyed = None;
     }
 
-    /// The drive tripped or is away: besides, it may have lost the setpoint that it held.
+    /// The drive tripped or is offline: it may also have lost its setpoint.
     pub fn lost_touch(&mut self, now: MonoTime) {
         self.inhibit(now);
         self.setpoint_may_be_lost();
     }
 
-    /// Control was handed back to panel or terminals: nobody holds it here, and whoever starts again stops first.
+    /// Control was returned to panel or terminals: it has no owner here, and a client must stop before it starts.
     pub(super) fn released(&mut self, now: MonoTime) {
         self.lease = None;
         self.is_released = true;
@@ -254,7 +254,7 @@ impl DriveGuard {
         self.stop_took_effect = true;
     }
 
-    /// The drive stands still after a stop by the one who holds control: there is nothing left to hold.
+    /// The drive is at standstill after a stop by the owner of control: there is nothing left to hold.
     pub fn at_standstill(&mut self) {
         if matches!(self.intent, RunIntent::Run(_)) {
             return;
@@ -272,15 +272,15 @@ impl DriveGuard {
         }
     }
 
-    /// The order to run in `direction` was sent and not answered: the drive may have taken it.
+    /// The order to run in `direction` was sent but not answered: the drive may have accepted it.
     pub const fn run_is_unknown(&mut self, direction: Direction) {
         if matches!(self.intent, RunIntent::Run(_)) {
             self.obeyed = Some((direction, false));
         }
     }
 
-    /// The order to run in `direction` was never sent, or the drive refused it. In its place stands an older one that is
-    /// still to be sent, or else what the drive obeys: a motor that turns by our order is never shown as stopped.
+    /// The order to run in `direction` was never sent, or the drive refused it. It is replaced by an older one that is
+    /// still to be sent, or else by what the drive obeys: a motor that turns by our order is never shown as stopped.
     pub fn run_failed(&mut self, direction: Direction, still_ordered: Option<Direction>) {
         if self.intent != RunIntent::Run(direction) || self.run_acknowledged {
             return;
@@ -300,14 +300,14 @@ impl DriveGuard {
         }
     }
 
-    /// A setpoint was sent and not answered: the drive may no longer hold the one before.
+    /// A setpoint was sent but not answered: the drive may no longer hold the previous one.
     pub const fn setpoint_is_unknown(&mut self) {
         if let Some(held) = &mut self.held_setpoint {
             held.acknowledged = false;
         }
     }
 
-    /// The drive was reset, or may have lost its power: an equal setpoint is a new one.
+    /// The drive was reset, or may have lost power: an equal setpoint counts as new.
     pub fn setpoint_may_be_lost(&mut self) {
         self.setpoint_is_unknown();
         if let Some(setpoint) = &mut self.setpoint {
@@ -315,8 +315,8 @@ impl DriveGuard {
         }
     }
 
-    /// The setpoint `value` was never sent, or the drive refused it: what is still to be sent stands in its place, or
-    /// else what the drive holds.
+    /// The setpoint `value` was never sent, or the drive refused it: it is replaced by the one still to be sent, or
+    /// else by the one that the drive holds.
     pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
         if self.setpoint.is_some_and(|setpoint| setpoint.value == value && !setpoint.acknowledged) {
             let ordered = still_ordered.map(|(by, value)| Setpoint { value, by, acknowledged: false });
@@ -349,8 +349,8 @@ impl DriveGuard {
         self.setpoint = Some(Setpoint { value, by: owner, acknowledged: false });
     }
 
-    /// Accepts a stop: everything approved before is void, everybody else is inhibited. A stop by somebody who does
-    /// not hold control ends the lease.
+    /// Accepts a stop: all earlier approvals are void, all other clients are inhibited. A stop by a client other than the
+    /// owner ends the lease.
     pub(super) fn accept_stop(&mut self, owner: Option<Owner>, coast: bool, now: MonoTime) {
         self.is_released = false;
         self.stops += 1;

@@ -1,4 +1,4 @@
-//! Reviews that need a model or a moment that no simulated drive brings about.
+//! Reviews that need a model or a moment that no simulated drive provides.
 
 use super::*;
 use crate::domain::command::{
@@ -194,7 +194,11 @@ fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
     };
     assert_eq!(approved.may_go(false, NOW, guard.stops()), Ok(()));
     assert_eq!(approved.may_go(false, NOW + Duration::from_secs(1), guard.stops()), Err(Void::TooLate));
-    assert_eq!(approved.may_go(true, NOW + Duration::from_secs(1), guard.stops()), Ok(()), "what has begun goes on");
+    assert_eq!(
+        approved.may_go(true, NOW + Duration::from_secs(1), guard.stops()),
+        Ok(()),
+        "a command that has begun continues"
+    );
     let epoch = guard.epoch();
     assert_eq!(reviewed(&mut guard, &command(plc(1), STOP)), Ok(()));
     assert_eq!(approved.may_go(true, NOW, guard.stops()), Err(Void::Stopped));
@@ -233,7 +237,7 @@ pub(super) fn register(address: u16, value: u16) -> Order {
     Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).unwrap())
 }
 
-/// What becomes of `order` of a local client with these facts.
+/// The verdict on `order` of a local client with these facts.
 pub(super) fn judged(guard: &mut DriveGuard, order: Order, facts: Facts) -> Result<Verdict, Reason> {
     let local = Origin { owner: Owner::Local, ..mqtt() };
     guard.review(&command(local, order), &facts, NOW).map_err(|report| report.reason)
@@ -343,7 +347,7 @@ fn whoever_is_signed_in_commands_where_the_drive_says_so() {
         let told = reviewed(&mut guard, &command(anna, order));
         assert_eq!(told, Err((Outcome::Refused, Reason::NotFromHere)));
     }
-    // What a broker might have kept is no matter here.
+    // Retained messages of a broker do not matter here.
     let mut guard = guard_of(model(), ControlSettings { strict: true, ..control() });
     reviewed(&mut guard, &command(anna, run(Direction::Forward))).unwrap();
     let held = Some((anna.owner, NOW + Duration::from_secs(3)));
@@ -377,7 +381,7 @@ fn a_release_ends_control_before_its_frame_goes() {
     let mut guard = guard_of(able, ControlSettings { allow_release: true, ..control() });
     let local = Origin { owner: Owner::Local, ..mqtt() };
     reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
-    // A trip ends what was ordered and leaves the lease.
+    // A trip ends the order and keeps the lease.
     guard.inhibit(NOW);
     assert!(guard.lease().is_some());
     assert!(matches!(judged(&mut guard, Order::Release, RESTING), Ok(Verdict::Go(_))));
