@@ -304,7 +304,7 @@ mod tests {
         let large = format!(r#"{{"run":"stop","x":"{}"}}"#, "x".repeat(1_000_000));
         assert_eq!(stop_in(large.as_bytes()), Some(RunWord::Stop));
         let late = format!(r#"{{"x":"{}","run":"stop"}}"#, "x".repeat(STOP_WITHIN_BYTES));
-        assert_eq!(stop_in(late.as_bytes()), None, "nobody looks so far");
+        assert_eq!(stop_in(late.as_bytes()), None, "beyond the searched bytes");
     }
 
     #[test]

@@ -88,7 +88,7 @@ fn quoted(cell: &str) -> String {
 pub fn markdown(maps: &[Map]) -> String {
     let mut text = "# Modbus map\n\n\
         Addresses count from 0, as they are sent; `number` counts from 1 after the digit of the table, with six digits \
-        behind 9999. A value is the word times `step`.\n"
+        above 9999. A value is the word times `step`.\n"
         .to_owned();
     for map in maps {
         section(&mut text, map);

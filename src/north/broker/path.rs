@@ -492,7 +492,7 @@ mod tests {
     #[test]
     fn a_way_that_was_never_proven_or_becomes_ever_slower_is_not_trusted() {
         let mut path = granted();
-        assert!(path.is_unproven(), "right behind the subscription");
+        assert!(path.is_unproven(), "right after the subscription");
         let probe = path.take_probe(at(1)).unwrap();
         path.returned(at(1), &probe);
         assert!(!path.is_unproven());

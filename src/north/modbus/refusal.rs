@@ -13,7 +13,7 @@ use crate::wire::exception;
 /// | 04 | the drive refused |
 /// | 06 | not now: later it may be accepted |
 /// | 0A | no way to the drive |
-/// | 0B | no reply, not known what became of it, too late |
+/// | 0B | no reply, outcome unknown, too late |
 #[must_use]
 pub const fn exception_of(reason: Reason) -> u8 {
     match reason {

@@ -1,5 +1,5 @@
 //! The MQTT side without a socket or a clock: messages of the broker, answers of the lines and time go in; what is to
-//! be published, subscribed and commanded comes out.
+//! be published, subscribed and commanded is returned.
 //!
 //! [`Session`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` parse what
 //! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`

@@ -45,7 +45,7 @@ impl Journal {
         assert!(seq > self.newest_of_connection, "numbers rise on a connection");
         self.newest_of_connection = seq;
         if !self.published.contains(&seq) {
-            assert!(self.published.last().is_none_or(|last| *last < seq), "none is told before an older one");
+            assert!(self.published.last().is_none_or(|last| *last < seq), "none is published before an older one");
         }
         self.published.push(seq);
         self.open.push((seq, it.token.expect("a token")));
@@ -152,7 +152,7 @@ proptest! {
             }
         }
         journal.taken.sort_unstable();
-        prop_assert_eq!(&journal.taken, &journal.kept, "all of them are told and known to be");
+        prop_assert_eq!(&journal.taken, &journal.kept, "all of them are published and reported as taken");
         prop_assert_eq!(rig.session.counters().events_waiting, 0);
     }
 }

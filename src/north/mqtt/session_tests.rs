@@ -174,7 +174,7 @@ fn commanders_that_are_gone_give_no_sign_of_life() {
     }
     rig.deliver(&message("home/status", b"offline"));
     rig.handle(Event::Lost);
-    assert!(!rig.connect().contains(&Act::ToLine(ToLine::PathAlive)), "until somebody says otherwise");
+    assert!(!rig.connect().contains(&Act::ToLine(ToLine::PathAlive)), "until the alive topic says otherwise");
 }
 
 #[test]

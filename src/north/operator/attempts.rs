@@ -135,7 +135,7 @@ mod tests {
             assert_eq!(attempts.begin(now, host(1)), Ok(()));
         }
         assert!(attempts.begin(now + FORGOTTEN_AFTER, host(1)).is_ok());
-        assert_eq!(attempts.failures[&host(1)].count, 1, "it begins anew");
+        assert_eq!(attempts.failures[&host(1)].count, 1, "it starts over");
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Findi
     let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
     let text = || {
         format!(
-            "{doubled} times an answer came that no request explains: two drives probably have station {}; disconnect one \
+            "{doubled} answers are explained by no request: two drives probably have station {}; disconnect one \
              and look whether it still answers",
             station.0
         )
@@ -48,7 +48,7 @@ pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> Findi
     let text = || {
         format!(
             "{beyond} replies came later than `max_lateness` allows, when they could be taken for others: raise \
-             `max_lateness`, and look at what stands between (a serial device server, a radio)"
+             `max_lateness`, and check what is in between (a serial device server, a radio)"
         )
     };
     (beyond > 0 && !is_told).then(|| (Severity::Problem, text()))
@@ -156,7 +156,7 @@ pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
     let waited = drive.now.report.replies.iter().map(|reply| reply.timeout.as_millis()).max().unwrap_or_default();
     let text = format!(
         "{late} replies arrived after their time-out, after up to {waited} ms: leave `reply_timeout` away or \
-         raise it, lower the drive's reply delay, and look at what stands between (a serial device server, a radio)"
+         raise it, lower the drive's reply delay, and check what is in between (a serial device server, a radio)"
     );
     Some((severity, text))
 }

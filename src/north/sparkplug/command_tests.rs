@@ -183,7 +183,7 @@ fn a_command_without_a_proven_way_back_is_refused_and_a_stop_is_not() {
     assert_eq!(orders(&rig.command(vec![text("run/set", "stop")])), [&stop()]);
     rig.is_deaf = true;
     rig.host(true, 1);
-    assert_eq!(commands(&rig.command(vec![text("run/set", "forward")])).len(), 0, "no probe came back");
+    assert_eq!(commands(&rig.command(vec![text("run/set", "forward")])).len(), 0, "no probe returned");
     rig.is_deaf = false;
     rig.pass(1_000);
     assert_eq!(commands(&rig.command(vec![text("run/set", "forward")])).len(), 1);

@@ -72,7 +72,7 @@ fn nothing_is_published_before_the_primary_host_is_there_and_nbirth_comes_first(
     assert_eq!(rig.session.counters().host_awaited, 0);
     assert!(rig.session.is_path_alive(rig.at()));
     let mut alone = Rig::with(Settings { primary_host: None, ..settings() });
-    assert_eq!(kinds(&alone.connect(0)), ["NBIRTH"], "nobody is waited for");
+    assert_eq!(kinds(&alone.connect(0)), ["NBIRTH"], "no host is waited for");
 }
 
 /// tck-id-payloads-nbirth-timestamp, -bdseq, -rebirth-req, tck-id-topics-nbirth-seq-num,
@@ -333,7 +333,7 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_bu
     assert_eq!(rig.session.counters().host_losses, 1);
 }
 
-/// What happened in between, in order, behind the births. The specification explains `is_historical` and has no id for
+/// What happened in between, in order, after the births. The specification explains `is_historical` and has no id for
 /// it.
 #[test]
 fn what_happened_while_no_host_was_there_is_told_as_history() {
@@ -503,5 +503,5 @@ fn other_drives_are_born_with_the_node_and_keep_their_history() {
 fn a_primary_host_that_goes_offline_before_other_drives_are_born_is_left_all_the_same() {
     let mut rig = Rig::born();
     rig.session.replace(drives(), &[name("hall")]);
-    assert!(matches!(rig.host(false, 1)[..], [Act::Leave(_)]), "it was told of the drives before");
+    assert!(matches!(rig.host(false, 1)[..], [Act::Leave(_)]), "it had received the births before");
 }

@@ -28,10 +28,10 @@ pub mod run {
 ///
 /// One request is one order. A stop wins over everything else in the request:
 ///
-/// * A setpoint beside STOP goes with it; beside COAST it is not taken, because none follows what is not effective, nor
+/// * A setpoint beside STOP is sent with it; beside COAST it is not taken, because none follows what is not effective, nor
 ///   beside a reset, which moves nothing.
 /// * Among coils, off on 0 or 1 is STOP unless the other of them is on in the same request; coil 3 is STOP
-///   whatever stands beside it; and a request that stops does not reset.
+///   whatever else the request contains; and a request that stops does not reset.
 ///
 /// # Errors
 /// `not_capable` if `ask` does not write; `not_listed` outside of what can be written; `not_understood` for an unknown

@@ -198,7 +198,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
 const WORD_ROWS: usize = 33;
 const WORD_COUNT: usize = (PICTURE_WORDS + CONTROL_LAST - address::RUN + 1) as usize;
 
-/// Which row each word is of: first the picture, then control.
+/// Which row each word is of: first the view, then control.
 const PLACES: [u8; WORD_COUNT] = {
     let mut places = [0; WORD_COUNT];
     let mut row = 0;
