@@ -14,26 +14,26 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-/// Something that a line tells the north side.
+/// Something that a line reports to the north side.
 #[derive(Clone, Debug, PartialEq)]
 pub enum News {
     /// The answer to a native request.
     Native(NativeAnswer),
-    /// What became of a command, so far or for good.
+    /// The outcome of a command, interim or final.
     Command(CommandAnswer),
-    /// A drive has tripped, or its trip holds no more. Only the MQTT side is told.
+    /// A drive has tripped, or its trip has been cleared. Sent to the MQTT side only.
     Trip(DriveRef, TripEvent),
-    /// The journal has trip events that were not taken yet, in their order. Only the MQTT side is told.
+    /// Trip events in the journal that were not taken yet, in order. Sent to the MQTT side only.
     Events {
-        /// Some of them, or none.
+        /// The first of them; may be empty.
         events: Vec<StoredEvent>,
-        /// There are others behind these; they have to be asked for.
+        /// More follow; they have to be requested.
         more: bool,
     },
 }
 
 impl News {
-    /// For whom it is.
+    /// Whom it is for.
     #[must_use]
     pub const fn asker(&self) -> AskerId {
         match self {
@@ -44,39 +44,39 @@ impl News {
     }
 }
 
-/// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each
-/// connection has at most 16 without an answer, MQTT, Sparkplug, the tools and the page have bounds of their own, and trips come
-/// no faster than polls.
+/// Answers of all lines that the north side has not fetched yet. Its bound is that of the requests: each connection has
+/// at most 16 without an answer, MQTT, Sparkplug, the tools and the page have bounds of their own, and trips occur no
+/// faster than polls.
 #[derive(Debug, Default)]
 pub struct AnswerBox {
     answers: Mutex<Answers>,
     bell: Notify,
-    /// Nobody fetches them.
+    /// No one fetches answers.
     is_closed: AtomicBool,
 }
 
 #[derive(Debug, Default)]
 struct Answers {
     ready: Vec<News>,
-    /// Those that wait until what led to them is kept.
+    /// Answers that wait until the row that led to them is kept.
     held: Vec<Held>,
 }
 
 /// An answer that waits for a row of the journal.
 #[derive(Debug)]
 pub struct Held {
-    /// The line that said both.
+    /// The line that sent both.
     pub origin: Arc<Origin>,
     /// The row.
     pub row: RowNumber,
-    /// The answer goes out by then, kept or not.
+    /// The answer is sent by then, whether the row is kept or not.
     pub until: MonoTime,
     /// The answer.
     pub news: News,
 }
 
 impl Answers {
-    /// Lets those go that have waited long enough, or for what is kept by now. Returns whether there were any.
+    /// Releases answers whose row is kept by now or whose time is over. Returns whether there were any.
     fn release(&mut self) -> bool {
         if self.held.is_empty() {
             return false;
@@ -89,7 +89,7 @@ impl Answers {
 }
 
 impl AnswerBox {
-    /// From now on somebody fetches the answers, or nobody does: then none is kept.
+    /// Sets whether answers are fetched from now on. While they are not, none is kept.
     pub fn set_open(&self, is_open: bool) {
         self.is_closed.store(!is_open, Ordering::SeqCst);
         if !is_open {
@@ -114,17 +114,17 @@ impl AnswerBox {
         }
     }
 
-    /// Puts an answer in that waits.
+    /// Adds an answer that waits for its row.
     pub fn hold(&self, held: Held) {
         if self.is_closed.load(Ordering::SeqCst) {
             return;
         }
         self.lock().held.push(held);
-        // The row may be kept since, and who fetches has to know until when to wait.
+        // The row may have been kept meanwhile, and the fetching task needs the new deadline.
         self.bell.notify_one();
     }
 
-    /// What was waited for may be kept now. Returns whether an answer waited for it.
+    /// To be called when rows were kept. Returns whether an answer waited for one of them.
     pub fn release(&self) -> bool {
         let has_released = self.lock().release();
         if has_released {
@@ -133,25 +133,25 @@ impl AnswerBox {
         has_released
     }
 
-    /// When the next answer that waits goes out at the latest.
+    /// When the next waiting answer is sent at the latest.
     #[must_use]
     pub fn next_release(&self) -> Option<MonoTime> {
         self.lock().held.iter().map(|held| held.until).min()
     }
 
-    /// Exchanges what has come for the empty `batch`.
+    /// Swaps the queued answers for the empty `batch`.
     pub fn take(&self, batch: &mut Vec<News>) {
         let mut answers = self.lock();
         answers.release();
         std::mem::swap(&mut answers.ready, batch);
     }
 
-    /// Waits for answers and exchanges them for the empty `batch`; it may stay empty.
+    /// Waits for answers and swaps them for the empty `batch`, which may stay empty.
     pub async fn fetch(&self, batch: &mut Vec<News>) {
         match self.next_release() {
             None => self.bell.notified().await,
             Some(until) => {
-                // Either way it is looked what may go.
+                // Either way, check which answers may be sent.
                 let _ = timeout(until.since(clock::now()), self.bell.notified()).await;
             }
         }

@@ -1,8 +1,8 @@
-//! Wakes those who look at pictures whenever one has changed.
+//! Wakes the readers of the drive views whenever one has changed.
 
 use tokio::sync::Notify;
 
-/// A bell that both sides of the broker hear, each in its own time: what one has heard the other still hears.
+/// A bell for both sides of the broker. Each is woken on its own: waking one does not consume the ring of the other.
 #[derive(Debug, Default)]
 pub struct Bell {
     /// The MQTT side waits for it.
@@ -12,7 +12,7 @@ pub struct Bell {
 }
 
 impl Bell {
-    /// Rings for both. It is heard later by who is busy now.
+    /// Rings for both. A side that is busy is woken later.
     pub fn ring(&self) {
         self.mqtt.notify_one();
         self.sparkplug.notify_one();

@@ -1,4 +1,4 @@
-//! What one line thread shows to the north sides: answers, pictures of its drives, its own state.
+//! What one line thread publishes to the north sides: answers, the views of its drives, its own state.
 
 use crate::daemon::exchange::answers::News;
 use crate::daemon::exchange::bell::Bell;
@@ -23,9 +23,9 @@ pub struct Board {
     changed: Arc<Bell>,
     north: NorthSides,
     journal: Option<LineRows>,
-    /// Somebody watches the line.
+    /// The line is being watched.
     is_watched: bool,
-    /// What went over it and was not handed over yet.
+    /// Recorded traffic that is not handed over yet.
     traffic: Vec<TrafficRecord>,
     /// News of this round.
     modbus: Vec<News>,
@@ -35,7 +35,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board of `line`, whose news go to `north`; `changed` is rung for them.
+    /// The board of `line`, whose news are sent to `north`; `changed` is rung for them.
     #[must_use]
     pub fn new(line: Arc<SharedLine>, changed: Arc<Bell>, north: NorthSides) -> Self {
         let journal = north.journal.as_ref().map(|journal| {
@@ -53,12 +53,12 @@ impl Board {
         &self.line.inbox
     }
 
-    /// The thread has come round once more.
+    /// Counts a round of the thread.
     pub fn count_round(&self) {
         self.line.count_round();
     }
 
-    /// Whether somebody watches the line at `now`. What was kept for those who did is given up with the last of them.
+    /// Whether the line is watched at `now`. The recorded traffic is dropped with the last listener.
     pub fn is_watched(&mut self, now: MonoTime) -> bool {
         let is_watched = self.line.traffic.is_watched(now);
         if self.is_watched && !is_watched {
@@ -69,14 +69,14 @@ impl Board {
         is_watched
     }
 
-    /// Keeps `record` for those who watch, if somebody does.
+    /// Keeps `record` for the listeners, if there are any.
     pub fn tell_traffic(&mut self, record: TrafficRecord) {
         if self.is_watched {
             self.traffic.push(record);
         }
     }
 
-    /// Takes notice of what is asked of the line.
+    /// Notes a message to the line.
     pub fn note(&mut self, message: &Message) {
         if let Some(journal) = &mut self.journal {
             let drives = &self.line.drives;
@@ -84,7 +84,7 @@ impl Board {
         }
     }
 
-    /// Keeps what the line says, if there is a journal.
+    /// Passes a row of the line to the journal, if there is one.
     pub fn keep(&mut self, keep: Keep) {
         if let Some(journal) = &mut self.journal {
             journal.keep(keep);
@@ -115,10 +115,10 @@ impl Board {
         self.tell(News::Trip(DriveRef { line: self.line.number, drive }, event));
     }
 
-    /// Shows what has changed in this round. Pictures come before answers: whoever is told that a command was
-    /// confirmed finds the drive so.
+    /// Publishes what has changed in this round. Views before answers: a client that receives a confirmation finds the
+    /// view already updated.
     pub fn show(&mut self, core: &mut LineCore) {
-        // Both sides of the broker hear of their answers by the same bell as of pictures.
+        // Both sides of the broker are woken by the same bell for answers and for views.
         let mut has_changed = !self.mqtt.is_empty() || !self.sparkplug.is_empty();
         for (drive, view) in core.changed_views() {
             if let Some(shared) = self.line.drives.get(drive.get()) {

@@ -12,38 +12,38 @@ use tokio::sync::{Notify, oneshot};
 pub const INBOX_MAX: usize = 4096;
 /// Further room for writes and commands: no flood of reads keeps them out.
 pub const COMMANDS_MAX: usize = 512;
-/// Further room for stops and what else must not be lost: no flood of commands keeps them out.
+/// Further room for stops and other messages that must not be lost: no flood of commands keeps them out.
 pub const STOPS_MAX: usize = 1024;
 /// Of that, the room for clients that left: thousands may leave at once, and keep no stop out.
 pub const GONE_MAX: usize = STOPS_MAX / 2;
 
-/// Something for a line from the north side.
+/// A message from the north side to a line.
 #[derive(Debug)]
 pub enum Message {
-    /// A client asks.
+    /// A native request of a client.
     Native(NativeRequest),
-    /// The same, and it is a write that the drive's model knows as a stop.
+    /// The same, for a write that the drive's model knows as a stop.
     NativeStop(NativeRequest),
-    /// Somebody commands.
+    /// A command.
     Command(CommandRequest),
     /// A client is gone.
     AskerGone(AskerId),
-    /// The way from this commander is open: its leases live on.
+    /// The path from this client is open: its leases stay alive.
     PathAlive(Owner),
-    /// The way from this commander was opened anew: what was issued before is stale.
+    /// The path from this client was reopened: what was issued before is stale.
     PathOpened(Owner),
-    /// The gateway ends: each drive gets its declared action.
+    /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
-    /// It ends now: a stop that was sent once is not waited for.
+    /// It shuts down now: the effect of stops that were sent is not waited for.
     Hurry,
-    /// The line ends by a change of the configuration, and takes no command any more but stops.
+    /// The line is removed by a change of the configuration and accepts only stops from now on.
     Leave {
         /// Drives in use are stopped, and the answer waits for that.
         stops: bool,
-        /// Told the drives that are in use.
+        /// Receives the drives that are in use.
         tell: oneshot::Sender<Vec<DriveIndex>>,
     },
-    /// It goes on after all.
+    /// The line continues after all.
     Stay,
     /// The journal has kept the line's rows up to this one.
     Kept(RowNumber),
@@ -53,26 +53,26 @@ pub enum Message {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Full;
 
-/// A bounded inbox that wakes its line thread only if that has nothing else to wait for. While an exchange is
-/// on the wire or the silence before the next one runs, the thread cannot act on a message anyway and looks
-/// into the inbox when that is over; to wake it for each message would cost more than the message.
+/// A bounded inbox that wakes its line thread only if the thread has nothing else to wait for. While an exchange is on
+/// the wire or the silence before the next one runs, the thread cannot act on a message anyway and reads the inbox when
+/// that is over; waking it for each message would cost more than the message.
 #[derive(Debug, Default)]
 pub struct Inbox {
     messages: Mutex<Vec<Message>>,
-    /// The line thread sleeps until it is called.
+    /// The line thread sleeps until the bell rings.
     is_idle: AtomicBool,
     is_closed: AtomicBool,
     bell: Notify,
 }
 
 impl Inbox {
-    /// Puts a message in.
+    /// Adds a message.
     ///
     /// # Errors
-    /// [`Full`] if too many wait, or the line has ended.
+    /// [`Full`] if too many messages wait, or the line has ended.
     pub fn put(&self, message: Message) -> Result<(), Full> {
         let mut messages = self.lock();
-        // Under the lock: what is taken after the close is all that will ever come.
+        // Under the lock, so that no message is added after the last one is taken.
         if self.is_closed() || messages.len() >= room_for(&message) {
             return Err(Full);
         }
@@ -84,7 +84,7 @@ impl Inbox {
         Ok(())
     }
 
-    /// Puts messages in that the line thread finds together. Returns which of them were taken.
+    /// Adds messages that the line thread finds together. Returns which of them were accepted.
     pub fn put_together(&self, messages: impl IntoIterator<Item = Message>) -> Vec<bool> {
         let mut waiting = self.lock();
         let mut take = |message: Message| {
@@ -102,8 +102,8 @@ impl Inbox {
         taken
     }
 
-    /// Puts a message in that nobody else may keep out, and has the line thread look at once: where there is no room,
-    /// everything that waits gives way but stops, and what was put in so before.
+    /// Adds a message that must not be kept out, and wakes the line thread at once. If there is no room, all waiting
+    /// messages are dropped except stops and messages added in this way.
     pub fn put_surely(&self, message: Message) {
         let mut messages = self.lock();
         if messages.len() >= room_for(&message) {
@@ -114,12 +114,12 @@ impl Inbox {
         self.bell.notify_one();
     }
 
-    /// Has the line thread come round without a message.
+    /// Wakes the line thread without a message.
     pub fn ring(&self) {
         self.bell.notify_one();
     }
 
-    /// Takes nothing more, and tells the line thread to end.
+    /// Accepts no more messages and asks the line thread to exit.
     pub fn close(&self) {
         let messages = self.lock();
         self.is_closed.store(true, Ordering::SeqCst);
@@ -127,25 +127,25 @@ impl Inbox {
         self.bell.notify_one();
     }
 
-    /// Whether the line thread shall end.
+    /// Whether the line thread is to exit.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.is_closed.load(Ordering::SeqCst)
     }
 
-    /// Whether nothing waits, and nothing will any more.
+    /// Whether it is closed and empty.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.is_closed() && self.lock().is_empty()
     }
 
-    /// Exchanges the messages for the empty `batch`.
+    /// Swaps the messages for the empty `batch`.
     pub fn take(&self, batch: &mut Vec<Message>) {
         std::mem::swap(&mut *self.lock(), batch);
     }
 
-    /// Says whether the line thread is about to sleep until it is called. Returns whether it may sleep: a
-    /// message that came before this was said has rung no bell.
+    /// Sets whether the line thread is about to sleep until the bell rings. Returns whether it may sleep: messages
+    /// added before this call have rung no bell.
     #[must_use]
     pub fn may_sleep(&self, until_called: bool) -> bool {
         self.is_idle.store(until_called, Ordering::SeqCst);
@@ -162,7 +162,7 @@ impl Inbox {
     }
 }
 
-/// Whether it is a stop, or the gateway's own word.
+/// Whether it is a stop or a message of the gateway itself.
 const fn stays(message: &Message) -> bool {
     match message {
         Message::Command(command) => command.order.is_stop(),
@@ -259,12 +259,12 @@ mod tests {
         assert!(matches!(rest, [Message::Shutdown, Message::Hurry]));
     }
 
-    /// So a stop for all drives of an idle line is one frame, whenever its thread looks.
+    /// So a stop for all drives of an idle line is one frame, whenever its thread reads the inbox.
     #[test]
     fn what_is_put_together_is_found_together() {
         const TOGETHER: usize = 3;
         const TIMES: usize = 100;
-        // Long enough for the other thread to look, if it could.
+        // Long enough for the other thread to read the inbox, if it could.
         let slow_stop = |_| {
             std::thread::sleep(Duration::from_micros(100));
             stop()

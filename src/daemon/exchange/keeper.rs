@@ -1,4 +1,4 @@
-//! Attempts of one north side that no line saw, on their way to the journal.
+//! Passes attempts of one north side that reached no line to the journal.
 
 use crate::daemon::exchange::north_journal::Journal;
 use crate::domain::command::{Owner, Report};
@@ -20,7 +20,7 @@ impl Keeper {
         Self { journal, last: AtomicU64::default() }
     }
 
-    /// Keeps what `owner` tried; nothing for the drive: it was for all, or for none that exists.
+    /// Keeps what `owner` tried. `drive` is `None` if it was for all drives or for one that does not exist.
     pub fn keep(&self, drive: Option<DriveRef>, owner: Owner, tried: Tried, report: Report) {
         let Some(journal) = &self.journal else { return };
         let id = AttemptId(self.last.fetch_add(1, Ordering::Relaxed) + 1);

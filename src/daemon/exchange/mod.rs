@@ -1,4 +1,4 @@
-//! What the threads hand each other: requests, answers, pictures of drives, counts, traffic. Nothing here waits for a
+//! What the threads hand each other: requests, answers, views of drives, counts, traffic. Nothing here waits for a
 //! client.
 
 pub mod answers;

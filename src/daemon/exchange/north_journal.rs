@@ -1,4 +1,4 @@
-//! What the north sides hand to a journal, where there is one.
+//! What the north sides pass to the journal, if there is one.
 
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::journal::{self, NorthSource};
@@ -7,20 +7,20 @@ use crate::journal::Attempt;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// A journal as the north sides see it. No call waits.
+/// A journal as the north sides see it. No call blocks.
 pub trait NorthJournal: Debug + Send + Sync {
-    /// Keeps an attempt to write that no line saw; nothing for the drive: it was for all, or for none that exists. Its
-    /// report is there. Ids count within each side, and no end follows.
+    /// Keeps a write attempt that reached no line. `drive` is `None` if it was for all drives or for one that does not
+    /// exist. The attempt carries its report: no end follows. Ids count within each side.
     fn keep(&self, drive: Option<DriveRef>, attempt: Attempt);
     /// The broker has the event with this number.
     fn event_taken(&self, seq: u64);
-    /// The MQTT side wants the first events with higher numbers that no broker has. It is answered once, with
-    /// [`News::Events`](crate::daemon::exchange::answers::News::Events): at once if there are any, else when there is one. A later want
-    /// takes the place of one that is not answered.
+    /// Requests the first events after this number that no broker has. Answered once, with
+    /// [`News::Events`](crate::daemon::exchange::answers::News::Events): at once if there are any, else when there is
+    /// one. A later request replaces one that is not answered.
     fn want_events(&self, after: u64);
 }
 
-/// The journal, if there is one. Without it, attempts are dropped and events are not asked for.
+/// The journal, if there is one. Without it, attempts are dropped and events are not requested.
 pub type Journal = Option<Arc<dyn NorthJournal>>;
 
 /// The way of another north side, whose attempts are counted from 1, to `journal`; `current` knows the names of drives.

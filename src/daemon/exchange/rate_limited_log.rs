@@ -1,13 +1,13 @@
-//! What may happen thousands of times a second, in the log.
+//! A log for events that may happen thousands of times a second.
 
 use std::cell::Cell;
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Something is said this often; the rest is counted.
+/// At most one line in this time; the rest is counted.
 const TELL_EVERY: Duration = Duration::from_secs(1);
 
-/// Says what may happen thousands of times a second, at most once a second.
+/// Logs at most one line a second and counts the others.
 #[derive(Debug, Default)]
 pub struct RateLimitedLog {
     last: Cell<Option<Instant>>,
@@ -15,7 +15,7 @@ pub struct RateLimitedLog {
 }
 
 impl RateLimitedLog {
-    /// Says it, or counts it among what was not said.
+    /// Logs `what`, or counts it as left out.
     pub fn say(&self, what: &str) {
         let now = Instant::now();
         if self.last.get().is_some_and(|last| now.duration_since(last) < TELL_EVERY) {

@@ -1,4 +1,4 @@
-//! From a unit on Modbus TCP to what answers for it: a drive on its line, a picture, or the gateway itself.
+//! Maps a unit on Modbus TCP to what answers for it: a drive on its line, a view, or the gateway itself.
 
 use crate::config::ListenerSettings;
 use crate::daemon::exchange::inbox::Inbox;
@@ -13,7 +13,7 @@ use crate::north::modbus::{Ask, Uniform, native, own};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Units that a request can name.
+/// Units that a request can address.
 const UNITS: usize = 256;
 
 /// The uniform units of all drives, made ready once for all listeners.
@@ -32,7 +32,7 @@ impl Units {
         Self { shared: Arc::clone(shared), uniform, started: clock::now() }
     }
 
-    /// The same gateway's units after a change of its configuration.
+    /// The units of the same gateway after a change of its configuration.
     #[must_use]
     pub fn changed_to(&self, shared: &Arc<Shared>) -> Self {
         Self { started: self.started, ..Self::new(shared) }
@@ -77,14 +77,14 @@ pub struct Drive<'a> {
     pub place: usize,
     /// Its unit.
     pub unit: &'a Uniform,
-    /// Its picture.
+    /// Its view.
     pub shared: &'a SharedDrive,
     /// The way to it.
     pub inbox: &'a Inbox,
 }
 
 impl Router {
-    /// The routes of `listener`. Where a native and a uniform unit are the same number, it is the native one.
+    /// The routes of `listener`. If a native and a uniform unit have the same number, the native one wins.
     #[must_use]
     pub fn new(listener: &ListenerSettings, units: Units) -> Self {
         let serves: Vec<bool> = (0..units.shared.lines.len()).map(|line| listener.serves(line)).collect();
@@ -119,7 +119,7 @@ impl Router {
         &self.units.shared
     }
 
-    /// What answers for `unit`; nothing if nobody does.
+    /// What answers for `unit`; `None` if there is no such unit.
     #[must_use]
     pub fn find(&self, unit: u8) -> Option<Target<'_>> {
         Some(match (*self.routes.get(usize::from(unit))?)? {
@@ -132,7 +132,7 @@ impl Router {
         })
     }
 
-    /// The drive that `unit` is; nothing if it is none.
+    /// The drive behind the uniform unit `unit`, if it is one.
     #[must_use]
     pub fn drive_of(&self, unit: u8) -> Option<DriveRef> {
         match self.routes.get(usize::from(unit)).copied().flatten()? {

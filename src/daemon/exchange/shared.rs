@@ -1,4 +1,4 @@
-//! What the north sides read and the lines write: one picture of each drive, one report of each line.
+//! What the north sides read and the lines write: a view of each drive, a report of each line.
 
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::inbox::{Inbox, Message};
@@ -14,15 +14,15 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Everything that north sides and lines share, as of one configuration. A change of that makes another one, in which
-/// lines that go on are the same as before.
+/// Everything that north sides and lines share, for one configuration. A change of the configuration makes a new one,
+/// which contains the same lines as before where they continue.
 #[derive(Debug)]
 pub struct Shared {
     /// The drives of all lines, in the order of the configuration.
     pub drives: Vec<Arc<SharedDrive>>,
     /// The lines, in the order of the configuration.
     pub lines: Vec<Arc<SharedLine>>,
-    /// Rung whenever a picture or a line's state has changed, or the configuration.
+    /// Rung whenever a view, a line's state or the configuration has changed.
     pub changed: Arc<Bell>,
 }
 
@@ -31,9 +31,9 @@ pub struct Shared {
 pub struct SharedDrive {
     /// What does not change.
     pub description: DriveDescription,
-    /// The newest picture.
+    /// The newest view.
     pub view: ArcSwap<DriveView>,
-    /// How its line sees it, a second old at most.
+    /// How its line sees it, at most a second old.
     pub station: ArcSwap<StationReport>,
     /// The way to it.
     pub inbox: Arc<Inbox>,
@@ -42,7 +42,7 @@ pub struct SharedDrive {
 /// One line, from its start to its end.
 #[derive(Debug)]
 pub struct SharedLine {
-    /// By which places of drives name it; no other line of the process has it.
+    /// Names the line in the places of its drives; no other line of the process has the same number.
     pub number: u16,
     /// Its name.
     pub name: Name,
@@ -54,7 +54,7 @@ pub struct SharedLine {
     pub inbox: Arc<Inbox>,
     /// Its drives, in order.
     pub drives: Vec<Arc<SharedDrive>>,
-    /// What goes over it, for whoever watches.
+    /// Its traffic, for those who watch it.
     pub traffic: Traffic,
     report: Mutex<LineReport>,
     rounds: AtomicU64,
@@ -62,7 +62,7 @@ pub struct SharedLine {
 }
 
 impl Shared {
-    /// Drives that nobody has looked at yet, and lines that are down. `lines` names the lines in order; they are numbered
+    /// Drives that were not polled yet, and lines that are down. `lines` names the lines in order; they are numbered
     /// from 0.
     #[must_use]
     pub fn new(lines: Vec<(Name, Interface)>, drives: Vec<DriveDescription>) -> Self {
@@ -85,20 +85,20 @@ impl Shared {
         drives.map(|drive| drive.station.load_full())
     }
 
-    /// The line that the drive at `place` hangs on.
+    /// The line of the drive at `place`.
     #[must_use]
     pub fn line(&self, place: DriveRef) -> Option<&SharedLine> {
         self.lines.iter().find(|line| line.number == place.line).map(Arc::as_ref)
     }
 
-    /// The inbox of the line that the drive at `place` hangs on.
+    /// The inbox of the line of the drive at `place`.
     #[must_use]
     pub fn inbox(&self, place: DriveRef) -> Option<&Inbox> {
         self.line(place).map(|line| line.inbox.as_ref())
     }
 
-    /// Hands each command to the line of its drive. What goes to one line is found there together, so that a stop for all
-    /// its drives can be one frame. Returns which of them were taken.
+    /// Passes each command to the line of its drive. A line finds all its commands together, so that a stop for all its
+    /// drives can be one frame. Returns which of them were accepted.
     #[must_use]
     pub fn put_together(&self, commands: Vec<(DriveRef, CommandRequest)>) -> Vec<bool> {
         let mut taken = vec![false; commands.len()];
@@ -119,7 +119,7 @@ impl Shared {
 }
 
 impl SharedLine {
-    /// A line that is down, with drives that nobody has looked at yet.
+    /// A line that is down, with drives that were not polled yet.
     #[must_use]
     pub fn new(
         number: u16,
@@ -150,52 +150,52 @@ impl SharedLine {
         *self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the place of the last report.
+    /// Replaces the last report.
     pub fn set_report(&self, report: LineReport) {
         *self.report.lock().unwrap_or_else(PoisonError::into_inner) = report;
     }
 
-    /// Whether the line's thread was found not to come round.
+    /// Whether the line's thread was found to hang.
     #[must_use]
     pub fn hangs(&self) -> bool {
         self.hangs.load(Ordering::Relaxed)
     }
 
-    /// The line's thread was found to come round or not.
+    /// Sets whether the line's thread hangs.
     pub fn set_hangs(&self, hangs: bool) {
         self.hangs.store(hangs, Ordering::Relaxed);
     }
 
-    /// The line's thread has come round once more.
+    /// Counts a round of the line's thread.
     pub fn count_round(&self) {
         self.rounds.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How often the line's thread came round, wrapping.
+    /// Rounds of the line's thread so far, wrapping.
     #[must_use]
     pub fn rounds(&self) -> u64 {
         self.rounds.load(Ordering::Relaxed)
     }
 }
 
-/// What is shared at present: all at once another one when the configuration changes.
+/// What is shared at present. It is replaced as a whole when the configuration changes.
 #[derive(Clone, Debug)]
 pub struct Current(Arc<ArcSwap<Shared>>);
 
 impl Current {
-    /// A look that costs next to nothing; not to be kept.
+    /// Borrows it at almost no cost; not to be kept.
     #[must_use]
     pub fn load(&self) -> Guard<Arc<Shared>> {
         self.0.load()
     }
 
-    /// The same to be kept.
+    /// The same as an `Arc`, to be kept.
     #[must_use]
     pub fn get(&self) -> Arc<Shared> {
         self.0.load_full()
     }
 
-    /// Puts `shared` in the place of what was there.
+    /// Replaces it with `shared`.
     pub fn set(&self, shared: Arc<Shared>) {
         self.0.store(shared);
     }

@@ -1,4 +1,4 @@
-//! What a broker session has for the lines, on its way into their inboxes. It never waits for the broker.
+//! Passes what a broker session has for the lines to their inboxes. It never waits for the broker.
 
 use crate::daemon::exchange::inbox::Message;
 use crate::daemon::exchange::shared::Shared;
@@ -7,7 +7,7 @@ use crate::domain::ids::Ticket;
 use crate::drive::description::DriveRef;
 use crate::north::broker::ToLine;
 
-/// Hands `requests` of `owner` to the lines, in order. Returns the tickets that no line could take.
+/// Passes `requests` of `owner` to the lines, in order. Returns the tickets that no line accepted.
 pub fn hand_over(shared: &Shared, owner: Owner, requests: impl IntoIterator<Item = ToLine>) -> Vec<Ticket> {
     let mut way = Way { shared, stops: Vec::new(), refused: Vec::new() };
     for request in requests {
@@ -19,7 +19,7 @@ pub fn hand_over(shared: &Shared, owner: Owner, requests: impl IntoIterator<Item
 
 struct Way<'s> {
     shared: &'s Shared,
-    /// Stops that follow each other.
+    /// Consecutive stops.
     stops: Vec<(DriveRef, CommandRequest)>,
     refused: Vec<Ticket>,
 }
@@ -38,7 +38,7 @@ impl Way<'_> {
         }
     }
 
-    /// Puts stops that follow each other together, so that each line finds all of its own.
+    /// Passes consecutive stops on together, so that each line finds all of its own at once.
     fn put_stops(&mut self) {
         let stops = std::mem::take(&mut self.stops);
         let tickets: Vec<_> = stops.iter().map(|(_, command)| command.ticket).collect();
@@ -56,7 +56,7 @@ impl Way<'_> {
 
     fn tell_all(&self, message: &dyn Fn() -> Message) {
         for line in &self.shared.lines {
-            // A full inbox holds commands that renew the lease themselves, or the lease ends: the safe side.
+            // A full inbox holds commands that renew the lease themselves; otherwise the lease ends, which is safe.
             let _ = line.inbox.put(message());
         }
     }

@@ -1,4 +1,4 @@
-//! What the north sides have counted since start, for whoever shows it.
+//! What the north sides have counted since start, for health and metrics.
 
 use crate::north::modbus::Counters;
 use crate::north::mqtt::Counters as Counts;
@@ -27,17 +27,17 @@ impl ModbusTotals {
         self.accepted.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// A connection was turned away: not allowed, or one too many.
+    /// A connection was refused: not allowed, or one too many.
     pub fn refused(&self) {
         self.refused.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// A connection did not become secure.
+    /// A TLS handshake failed.
     pub fn handshake_failed(&self) {
         self.handshakes_failed.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// A connection was told to end to make room, or because it left too much unread.
+    /// A connection was closed to make room, or because it left too much unread.
     pub fn closed_early(&self) {
         self.closed_early.fetch_add(1, Ordering::Relaxed);
     }
@@ -69,19 +69,19 @@ impl ModbusTotals {
         self.accepted.load(Ordering::Relaxed)
     }
 
-    /// Connections turned away so far.
+    /// Connections refused so far.
     #[must_use]
     pub fn turned_away(&self) -> u64 {
         self.refused.load(Ordering::Relaxed)
     }
 
-    /// Connections so far that did not become secure.
+    /// Failed TLS handshakes so far.
     #[must_use]
     pub fn handshakes_failed(&self) -> u64 {
         self.handshakes_failed.load(Ordering::Relaxed)
     }
 
-    /// Connections that had to end so far to make room, or because they left too much unread.
+    /// Connections closed so far to make room, or because they left too much unread.
     #[must_use]
     pub fn dismissed(&self) -> u64 {
         self.closed_early.load(Ordering::Relaxed)
@@ -104,7 +104,7 @@ pub type MqttTotals = BrokerTotals<Counts>;
 /// State and counts of the Sparkplug side since start.
 pub type SparkplugTotals = BrokerTotals<SparkplugCounts>;
 
-/// State and counts of a side that speaks with the broker.
+/// State and counts of a side that talks to the broker.
 #[derive(Debug, Default)]
 pub struct BrokerTotals<C> {
     path_alive: AtomicBool,
@@ -115,7 +115,7 @@ pub struct BrokerTotals<C> {
 }
 
 impl<C: Copy> BrokerTotals<C> {
-    /// The way through the broker is open or not, and this is what the session has counted.
+    /// Sets whether the path through the broker is open, and what the session has counted.
     pub fn set(&self, path_alive: bool, counters: &C) {
         if path_alive && !self.path_alive.swap(true, Ordering::Relaxed) {
             self.connects.fetch_add(1, Ordering::Relaxed);
@@ -125,13 +125,13 @@ impl<C: Copy> BrokerTotals<C> {
         *self.counters.lock().unwrap_or_else(PoisonError::into_inner) = *counters;
     }
 
-    /// A connection ended because another client has our identifier, or that has not happened for a while.
+    /// Sets whether another client contests our identifier.
     pub fn contested(&self, contested: bool) {
         self.takeovers.fetch_add(u64::from(contested), Ordering::Relaxed);
         self.contested.store(contested, Ordering::Relaxed);
     }
 
-    /// Whether another client wants our identifier.
+    /// Whether another client contests our identifier.
     #[must_use]
     pub fn is_contested(&self) -> bool {
         self.contested.load(Ordering::Relaxed)
@@ -143,13 +143,13 @@ impl<C: Copy> BrokerTotals<C> {
         self.takeovers.load(Ordering::Relaxed)
     }
 
-    /// Whether the way through the broker is open.
+    /// Whether the path through the broker is open.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.path_alive.load(Ordering::Relaxed)
     }
 
-    /// Times the way was opened.
+    /// How often the path was opened.
     #[must_use]
     pub fn connects(&self) -> u64 {
         self.connects.load(Ordering::Relaxed)

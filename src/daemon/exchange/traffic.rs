@@ -1,7 +1,7 @@
-//! What goes over a line, kept for a moment for those who watch it, and only while somebody does.
+//! Traffic of a line, recorded for those who watch it and only while it is watched.
 //!
-//! A line that nobody watches pays one look at an atomic number a round. The line's thread never waits for those who
-//! watch: what it cannot hand over at once it hands over in its next round.
+//! A line that is not watched pays one atomic load a round. The line's thread never waits for listeners: what it cannot
+//! hand over at once it hands over in its next round.
 
 use crate::daemon::exchange::shared::SharedLine;
 use crate::domain::time::MonoTime;
@@ -11,19 +11,19 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
-/// Most who watch one line at once. A person with a page and a capture are two.
+/// Most listeners of one line. A person with a page and a capture counts as two.
 pub const LISTENERS_MAX: usize = 4;
-/// Most records that are kept for those who watch: ten seconds of the fastest serial line, at most 4 MB.
+/// Most records that are kept for listeners: ten seconds of the fastest serial line, at most 4 MB.
 pub const RECORDS_MAX: usize = 4096;
-/// How long a line is watched on after the last one has gone: whoever comes back in time has missed nothing.
+/// How long recording continues after the last listener has left: one that returns in time misses nothing.
 const LINGER: Duration = Duration::from_secs(10);
-/// Most records that a line's thread holds back because somebody is just looking.
+/// Most records that a line's thread holds back while a listener has the lock.
 const HELD_BACK_MAX: usize = 256;
 
 /// The traffic of one line.
 #[derive(Debug, Default)]
 pub struct Traffic {
-    /// Until this moment the line is watched, in nanoseconds; 0: nobody watches.
+    /// Until when the line is watched, in nanoseconds; 0 if it is not.
     watched_until: AtomicU64,
     ring: Mutex<Ring>,
 }
@@ -52,13 +52,13 @@ impl Ring {
 }
 
 impl Traffic {
-    /// Whether somebody watches at `now`.
+    /// Whether the line is watched at `now`.
     #[must_use]
     pub fn is_watched(&self, now: MonoTime) -> bool {
         self.watched_until.load(Ordering::Relaxed) > now.as_nanos()
     }
 
-    /// Takes over `records`, unless somebody is looking just now and few of them wait.
+    /// Takes over `records`, unless a listener has the lock and few of them wait.
     pub fn take_over(&self, records: &mut Vec<TrafficRecord>) {
         if records.is_empty() {
             return;
@@ -72,7 +72,7 @@ impl Traffic {
         records.drain(..).for_each(|record| ring.put(record));
     }
 
-    /// Nobody watches any more: what was kept is given up, and the room for it.
+    /// The line is not watched any more: drops the records and frees their memory.
     pub fn forget(&self) {
         self.lock().records = VecDeque::new();
     }
@@ -82,27 +82,27 @@ impl Traffic {
     }
 }
 
-/// Somebody who watches a line, with a place of his own in what was recorded.
+/// A listener of a line, with its own position in the recording.
 #[derive(Debug)]
 pub struct Listener {
     line: Arc<SharedLine>,
-    /// The number of the record that he has seen last.
+    /// The number of the last record that it has seen.
     seen: u64,
     clock: fn() -> MonoTime,
 }
 
-/// What has come since somebody looked last.
+/// What was recorded since a listener looked last.
 #[derive(Debug, Default)]
 pub struct News {
-    /// So many records were given up before he had seen them.
+    /// Records that were dropped before the listener had seen them.
     pub lost: u64,
     /// The records with their numbers, in order.
     pub records: Vec<(u64, Arc<TrafficRecord>)>,
 }
 
 impl Listener {
-    /// Watches `line` from now on, or from behind the record with the number `after`, as far as that is still kept. Nothing
-    /// if [`LISTENERS_MAX`] watch it. `clock` tells the time when he goes.
+    /// Watches `line` from now on, or from after the record with the number `after` if that is still kept. `None` if
+    /// [`LISTENERS_MAX`] watch it already. `clock` is read when the listener leaves.
     #[must_use]
     pub fn new(line: Arc<SharedLine>, after: Option<u64>, clock: fn() -> MonoTime) -> Option<Self> {
         let mut ring = line.traffic.lock();
@@ -111,7 +111,7 @@ impl Listener {
         }
         ring.listeners += 1;
         line.traffic.watched_until.store(u64::MAX, Ordering::Relaxed);
-        // A number that was never given is another life's.
+        // A number that was never assigned is from an earlier run.
         let seen = after.filter(|after| *after <= ring.last).unwrap_or(ring.last);
         drop(ring);
         Some(Self { line, seen, clock })
@@ -123,7 +123,7 @@ impl Listener {
         &self.line
     }
 
-    /// The oldest records that he has not seen, `most` of them at most.
+    /// The oldest records that it has not seen, at most `most` of them.
     pub fn look(&mut self, most: usize) -> News {
         let ring = self.line.traffic.lock();
         let first = ring.first();

@@ -1,4 +1,4 @@
-//! The clocks. Nobody else reads one.
+//! The clocks. No other file reads one.
 
 use crate::domain::time::{MonoTime, WallTime};
 use crate::north::clock::Moment;
@@ -15,7 +15,7 @@ pub fn now() -> MonoTime {
     MonoTime::from_nanos(seconds.saturating_mul(1_000_000_000).saturating_add(nanos))
 }
 
-/// Now, on the wall clock. It labels and decides nothing.
+/// Now, on the wall clock. It is used for labels, never for decisions.
 #[must_use]
 pub fn wall() -> WallTime {
     let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

@@ -6,12 +6,12 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::cell::RefCell;
 use std::os::fd::OwnedFd;
 
-/// Files that are no connections of Modbus TCP: two HTTP listeners of 64 connections each, six for each of some thirty
-/// lines, journal, broker, sockets, and some to spare.
+/// Files other than connections of Modbus TCP: two HTTP listeners of 64 connections each, six for each of some thirty
+/// lines, journal, broker, sockets, and a reserve.
 const KEPT: u64 = 384;
 
-/// Raises the limit of open files as far as the system allows and connections need. Returns for how many connections it
-/// leaves room.
+/// Raises the limit of open files as far as the system allows and connections need. Returns how many connections it
+/// leaves room for.
 #[must_use]
 pub fn room_for_connections() -> usize {
     let limit = getrlimit(Resource::Nofile);
@@ -30,24 +30,24 @@ pub fn room_for_connections() -> usize {
     }
 }
 
-/// The connections that `files` leave room for: all but those that are kept, or half of them where that is more.
+/// The connections that `files` leave room for: all but [`KEPT`], or half of them if that is more.
 fn connections(files: u64) -> usize {
     let connections = files.saturating_sub(KEPT).max(files / 2);
     usize::try_from(connections).unwrap_or(usize::MAX).min(Places::MOST)
 }
 
-/// A descriptor that stands for nothing. Given back when there are no others, it lets one more connection in, whose peer
-/// can then be told apart from others.
+/// A spare descriptor. Released when there are no others, it lets one more connection be accepted, so that its peer is
+/// known.
 #[derive(Debug, Default)]
 pub struct Spare(RefCell<Option<OwnedFd>>);
 
 impl Spare {
-    /// Gives it back to the system; whether it was there.
+    /// Releases it to the system. Returns whether it was held.
     pub fn release(&self) -> bool {
         self.0.take().is_some()
     }
 
-    /// Takes it again, unless it is there; whether it is now.
+    /// Opens it again unless it is held. Returns whether it is held now.
     pub fn refill(&self) -> bool {
         let mut spare = self.0.borrow_mut();
         if spare.is_none() {

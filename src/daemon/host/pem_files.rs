@@ -5,7 +5,7 @@ use rustls::pki_types::pem::{self, PemObject};
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use std::path::{Path, PathBuf};
 
-/// A PEM file cannot be read or holds something else.
+/// A PEM file cannot be read or does not hold what is needed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {what}", file.display())]
 pub struct FileError {
@@ -18,7 +18,7 @@ pub struct FileError {
 /// All certificates of `file`, at least one.
 ///
 /// # Errors
-/// It cannot be read, something in it is no PEM, or it has no certificate.
+/// It cannot be read, is not valid PEM, or has no certificate.
 pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileError> {
     let bytes = read(file)?;
     let read = CertificateDer::pem_slice_iter(&bytes).collect::<Result<Vec<_>, _>>();
@@ -29,7 +29,7 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
 /// The first key of `file`.
 ///
 /// # Errors
-/// It cannot be read, or has no key that is not encrypted.
+/// It cannot be read, or has no unencrypted key.
 pub fn key(file: &Path) -> Result<PrivateKeyDer<'static>, FileError> {
     PrivateKeyDer::from_pem_slice(&read(file)?)
         .map_err(|error| wrong(file, error, "it contains no private key, or an encrypted one"))

@@ -1,4 +1,4 @@
-//! Pseudo-terminals: what a simulated line is reached through.
+//! Pseudo-terminals, through which a simulated line is reached.
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
@@ -9,18 +9,18 @@ use std::os::unix::ffi::OsStringExt;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
-/// A pseudo-terminal in raw mode. Whoever opens [`Pty::path`] sees a serial port.
+/// A pseudo-terminal in raw mode. [`Pty::path`] can be opened as a serial port.
 #[derive(Debug)]
 pub struct Pty {
     master: OwnedFd,
     path: PathBuf,
-    /// Kept open, so that the master end does not fail while nobody else has the port open.
+    /// Kept open, so that the master end does not fail while no other process has the port open.
     slave: File,
     link: Option<PathBuf>,
 }
 
 impl Pty {
-    /// A new pseudo-terminal, which no program that is started later has too: it would not end with this.
+    /// A new pseudo-terminal. Child processes do not inherit it: it would outlive this value.
     ///
     /// # Errors
     /// The system's refusal.
@@ -42,7 +42,7 @@ impl Pty {
     /// Makes the port reachable as `link` too, replacing a link that an earlier run left behind.
     ///
     /// # Errors
-    /// The system's refusal, or something else than a link that stands there already.
+    /// The system's refusal, or something other than a link exists there.
     pub fn link_as(&mut self, link: &Path) -> io::Result<()> {
         match std::fs::symlink_metadata(link) {
             Ok(found) if found.is_symlink() => std::fs::remove_file(link)?,
@@ -60,7 +60,8 @@ impl Pty {
         &self.path
     }
 
-    /// Speed in bit/s and stop bits that whoever has the port open has set. Parity is nothing that a pseudo-terminal keeps.
+    /// Speed in bit/s and stop bits as set by the process that has the port open. A pseudo-terminal does not keep
+    /// parity.
     ///
     /// # Errors
     /// The system's refusal.
@@ -70,7 +71,7 @@ impl Pty {
         Ok((settings.output_speed(), stop_bits))
     }
 
-    /// The end that plays the drives; it never blocks.
+    /// The end of the simulated drives; it never blocks.
     #[must_use]
     pub const fn master(&self) -> &OwnedFd {
         &self.master
@@ -80,10 +81,10 @@ impl Pty {
 impl Drop for Pty {
     fn drop(&mut self) {
         if let Some(link) = &self.link
-            // A newer simulator may have taken the name over.
+            // A newer simulator may have replaced the link.
             && std::fs::read_link(link).is_ok_and(|target| target == self.path)
         {
-            // Gone already is as good.
+            // It may be gone already.
             let _ = std::fs::remove_file(link);
         }
     }
@@ -103,7 +104,7 @@ mod tests {
         let port = rustix::fs::open(pty.path(), flags, rustix::fs::Mode::empty()).unwrap();
         let mut child = Command::new("sleep").arg("10").stdin(Stdio::null()).spawn().unwrap();
         drop(pty);
-        // A program that another test is just starting holds it until it has begun.
+        // A child process that another test is starting holds it until it runs.
         let mut fds = [PollFd::new(&port, PollFlags::IN)];
         poll(&mut fds, Some(&Timespec { tv_sec: 5, tv_nsec: 0 })).unwrap();
         let mut byte = [0];

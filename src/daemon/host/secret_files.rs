@@ -1,4 +1,4 @@
-//! Files with secrets: which the configuration names, and whether everybody on this host may read them.
+//! Files with secrets: which ones the configuration names, and whether every user of this host may read them.
 
 use crate::config::{BrokerSettings, Config, HashSource, PasswordSource};
 use crate::daemon::host::user_files;
@@ -8,18 +8,18 @@ use std::path::Path;
 
 /// Longest file with a password or a hash in bytes.
 const BYTES_MAX: u64 = 4096;
-/// The permission of everybody to read.
+/// The read permission for others.
 const BY_EVERYBODY: u32 = 0o004;
 
 /// The text of a file with a password or a hash.
 ///
 /// # Errors
-/// Those of [`user_files::text`]: it is longer than any secret, or no regular file.
+/// Those of [`user_files::text`]; the file is longer than any secret, or not a regular file.
 pub fn read(path: &Path) -> io::Result<String> {
     user_files::text(path, BYTES_MAX)
 }
 
-/// Warns of each file with a secret that everybody on this host may read.
+/// Warns of each file with a secret that every user of this host may read.
 pub fn warn(config: &Config) {
     for file in named(config).into_iter().filter(|file| is_open(file)) {
         let file = file.display();
@@ -51,7 +51,7 @@ fn named(config: &Config) -> Vec<&Path> {
     found
 }
 
-/// A file that is not there is for others to tell.
+/// A missing file is reported elsewhere.
 fn is_open(file: &Path) -> bool {
     std::fs::metadata(file).is_ok_and(|it| it.permissions().mode() & BY_EVERYBODY != 0)
 }

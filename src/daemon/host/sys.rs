@@ -1,4 +1,4 @@
-//! The one file with `unsafe`: what the libraries we use leave without a safe way in.
+//! The one file with `unsafe`: system calls for which our libraries have no safe wrapper.
 
 #![allow(unsafe_code)]
 
@@ -14,17 +14,17 @@ use tokio::io::unix::AsyncFd;
 /// interrupt threads (50).
 const LINE_THREAD_PRIORITY: i32 = 20;
 
-/// Blocks of this size and more are the system's own, and go back to it alone.
+/// Blocks of this size and more are allocated from the system one by one and returned when freed.
 #[cfg(target_env = "gnu")]
 const LARGE_BLOCK_BYTES: libc::c_int = 128 * 1024;
-/// So much that is free at the end of the heap is kept for what comes next.
+/// Free memory that is kept at the end of the heap.
 #[cfg(target_env = "gnu")]
 const UNUSED_BYTES_MAX: libc::c_int = 512 * 1024;
 
 /// Asks the kernel to run the calling thread before all ordinary ones (`SCHED_FIFO`).
 ///
 /// # Errors
-/// The kernel's refusal, usually for want of `CAP_SYS_NICE` or of an `rtprio` limit.
+/// The kernel's refusal, usually because `CAP_SYS_NICE` or an `rtprio` limit is missing.
 pub fn ask_for_real_time() -> io::Result<()> {
     let param = libc::sched_param { sched_priority: LINE_THREAD_PRIORITY };
     // SAFETY: `param` lives through the call, which only reads it; 0 means the calling thread.
@@ -34,9 +34,9 @@ pub fn ask_for_real_time() -> io::Result<()> {
     }
 }
 
-/// Has the allocator give large blocks back to the system as soon as they are freed. By itself it keeps them for the next one,
-/// in each of its arenas: some passwords that are compared would take hundreds of megabytes for good. Other C libraries give
-/// them back anyway.
+/// Has the allocator give large blocks back to the system as soon as they are freed. By default it keeps them in each
+/// of its arenas: comparing a few passwords would cost hundreds of megabytes for good. Other C libraries give them back
+/// anyway.
 pub fn give_memory_back() {
     #[cfg(target_env = "gnu")]
     for (setting, bytes) in [(libc::M_MMAP_THRESHOLD, LARGE_BLOCK_BYTES), (libc::M_TRIM_THRESHOLD, UNUSED_BYTES_MAX)] {
@@ -47,23 +47,23 @@ pub fn give_memory_back() {
     }
 }
 
-/// Registers a descriptor with the runtime of the calling thread, to be told when it can be read.
+/// Registers a descriptor with the runtime of the calling thread, to be notified when it is readable.
 ///
 /// # Errors
-/// The kernel's refusal, for want of descriptors.
+/// The kernel's refusal: no descriptors are left.
 pub fn readable<T: OwnsDescriptor>(owner: T) -> io::Result<AsyncFd<T>> {
-    // SAFETY: who is `OwnsDescriptor` owns one descriptor, never exchanges it and closes it only when it is
+    // SAFETY: a type that is `OwnsDescriptor` owns one descriptor, never replaces it and closes it only when it is
     // dropped, so `as_raw_fd` returns the same open descriptor for the lifetime of the `AsyncFd`.
     Ok(unsafe { AsyncFd::register_with_interest(owner, Interest::READABLE) }?)
 }
 
 /// The descriptor of `owner`, for as long as that lives.
 pub fn borrowed<T: OwnsDescriptor>(owner: &T) -> BorrowedFd<'_> {
-    // SAFETY: who is `OwnsDescriptor` keeps its descriptor open for its lifetime, and here it is borrowed.
+    // SAFETY: a type that is `OwnsDescriptor` keeps its descriptor open for its lifetime, and here it is borrowed.
     unsafe { BorrowedFd::borrow_raw(owner.as_raw_fd()) }
 }
 
-/// Types of which it is known that they own one descriptor from their making to their end.
+/// Types that are known to own one descriptor for their whole lifetime.
 pub trait OwnsDescriptor: AsRawFd {}
 
 impl OwnsDescriptor for RawTimer {}
@@ -73,14 +73,14 @@ impl OwnsDescriptor for TcpStream {}
 /// The driver's settings for RS-485 (`TIOCGRS485`).
 ///
 /// # Errors
-/// The driver's, `ENOTTY` above all: it has none.
+/// The driver's, usually `ENOTTY`: it has no such settings.
 pub fn rs485(fd: BorrowedFd<'_>) -> io::Result<Rs485> {
     let mut held = Rs485::default();
     // SAFETY: the call writes one `struct serial_rs485`, which `held` is, and nothing else.
     done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCGRS485, &raw mut held) }).map(|()| held)
 }
 
-/// Gives the driver settings for RS-485 (`TIOCSRS485`). It may keep others: they are to be read back.
+/// Sets the driver's settings for RS-485 (`TIOCSRS485`). It may keep others, so they must be read back.
 ///
 /// # Errors
 /// As [`rs485`].
@@ -100,7 +100,7 @@ pub fn serial_info(fd: BorrowedFd<'_>) -> io::Result<SerialInfo> {
     done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCGSERIAL, &raw mut held) }).map(|()| held)
 }
 
-/// Gives the driver settings of a serial device (`TIOCSSERIAL`).
+/// Sets the driver's settings of a serial device (`TIOCSSERIAL`).
 ///
 /// # Errors
 /// As [`rs485`], and `EPERM` for what only root may set.

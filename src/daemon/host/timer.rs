@@ -1,4 +1,4 @@
-//! A timer as exact as the hardware: tokio's own counts in milliseconds.
+//! A timer as exact as the hardware; tokio's own has millisecond resolution.
 
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
@@ -28,8 +28,8 @@ impl RawTimer {
         Ok(Self { fd, armed: MonoTime::NEVER })
     }
 
-    /// Makes the timer fire at `at` or earlier: one that is armed for an earlier moment is left as it is,
-    /// which saves a system call per exchange where only the moment of a time-out moves on.
+    /// Makes the timer fire at `at` or earlier. A timer that is armed for an earlier moment is left as it is, which
+    /// saves a system call per exchange when only a time-out moves on.
     ///
     /// # Errors
     /// The kernel's refusal; none is known.
@@ -38,7 +38,7 @@ impl RawTimer {
             return Ok(());
         }
         let seconds = i64::try_from(at.as_nanos() / 1_000_000_000).unwrap_or(i64::MAX);
-        // A time of zero would disarm it.
+        // Zero would disarm it.
         let nanos = i64::try_from(at.as_nanos() % 1_000_000_000).unwrap_or(0).max(1);
         let spec = Itimerspec {
             it_interval: Timespec { tv_sec: 0, tv_nsec: 0 },
@@ -52,7 +52,7 @@ impl RawTimer {
     /// Notes that the timer has fired, so that its descriptor is quiet again.
     pub fn acknowledge(&mut self) {
         let mut count = [0; 8];
-        // Nothing to read means that it was armed anew in between.
+        // Nothing to read means that it was armed again in between.
         let _ = rustix::io::read(&self.fd, &mut count);
         self.armed = MonoTime::NEVER;
     }

@@ -1,7 +1,7 @@
 //! Files that the user names: read only if they are regular files, and only up to a bound.
 //!
-//! A FIFO would be waited for, a device has no end or does something when it is opened, and a file that is much too large costs
-//! time and memory. What is no such file is refused before a byte of it is read.
+//! A FIFO would block, a device may be endless or react to being opened, and a file that is much too large costs time
+//! and memory. Anything but a regular file is refused before a byte of it is read.
 
 use rustix::fs::OFlags;
 use std::fs::{FileType, Metadata, OpenOptions};
@@ -15,16 +15,16 @@ pub const BYTES_MAX: u64 = 1024 * 1024;
 /// The bytes of the regular file at `path`, at most `most`.
 ///
 /// # Errors
-/// The system's; or it is something else than a regular file, or longer.
+/// The system's; or it is not a regular file, or it is longer.
 pub fn bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    // Looked at before it is opened: to open a serial device would move its lines.
+    // Checked before it is opened: opening a serial device would toggle its control lines.
     is_fit(&std::fs::metadata(path)?, most)?;
-    // Whatever takes its place in this moment is not waited for.
+    // A file that replaces it at this moment must not block.
     let flags = i32::try_from((OFlags::NONBLOCK | OFlags::NOCTTY).bits()).unwrap_or(0);
     let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
     is_fit(&file.metadata()?, most)?;
     let mut bytes = Vec::new();
-    // It may grow meanwhile, or be one whose length the system does not know.
+    // It may grow meanwhile, or the system may not know its length.
     file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if u64::try_from(bytes.len()).unwrap_or(u64::MAX) > most { Err(too_long(None, most)) } else { Ok(bytes) }
 }
@@ -32,7 +32,7 @@ pub fn bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 /// The text of the regular file at `path`, of at most `most` bytes.
 ///
 /// # Errors
-/// As [`bytes`]; or it is no text in UTF-8.
+/// As [`bytes`]; or it is not UTF-8 text.
 pub fn text(path: &Path, most: u64) -> io::Result<String> {
     String::from_utf8(bytes(path, most)?)
         .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text"))
@@ -105,7 +105,7 @@ mod tests {
         }
         file.set_len(1 << 40).unwrap();
         assert!(refused(&path).contains("1099511627776 bytes"), "nothing of it was read");
-        // The system says that such a file has no byte.
+        // The system reports a length of 0 for such a file.
         assert!(refused(Path::new("/proc/self/status")).contains("too long"));
         std::fs::write(&path, [0xFF, 0xFE]).unwrap();
         assert_eq!(text(&path, 10).unwrap_err().to_string(), "it is not UTF-8 text");

@@ -9,7 +9,7 @@ pub(super) fn json(value: &Value) -> impl IntoResponse + use<> {
     ([(header::CONTENT_TYPE, "application/json")], format!("{value}\n"))
 }
 
-/// An answer that says why there is no other.
+/// A refusal with its reason.
 pub(super) fn refusal(status: StatusCode, error: &str) -> Response {
     (status, json(&serde_json::json!({ "error": error }))).into_response()
 }

@@ -17,21 +17,21 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::sync::Semaphore;
 
-/// Most connections at once on one listener; further ones wait to be accepted. One scraper, a few browsers and
-/// health checks need ten.
+/// Most connections at once on one listener; more wait to be accepted. One scraper, a few browsers and health checks
+/// need ten.
 pub const CONNECTIONS_MAX: usize = 64;
 /// Longest time for the last answer, which a client that does not read would never take.
 const LAST_ANSWER_WITHIN: Duration = Duration::from_secs(10);
-/// Longest request head in bytes. No client of these routes has much to say.
+/// Longest request head in bytes. Clients of these routes need little.
 const HEAD_BYTES_MAX: usize = 16 * 1024;
 
 /// How long a connection may take.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patience {
-    /// For a whole request head, from the moment when one can come: it also ends idle connections.
+    /// For a whole request head, from when the connection is ready for one. Also closes idle connections.
     pub head: Duration,
-    /// For the connection: then it answers the request that it has and ends, so that nobody holds a place for ever. An
-    /// answer without an end goes on.
+    /// For the connection. After that it answers the current request and closes, so that no client holds a place for
+    /// ever. An endless answer continues.
     pub connection: Duration,
     /// For a client to take a piece of its answer.
     pub piece: Duration,
@@ -58,7 +58,7 @@ pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience
     }
 }
 
-/// Serves `router` on one connection until its end. An answer without an end takes one of the `lasting` places.
+/// Serves `router` on one connection until it closes. An endless answer takes one of the `lasting` places.
 pub(super) async fn converse(
     stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
     router: Router,
@@ -68,7 +68,7 @@ pub(super) async fn converse(
     converse_by(stream, TowerToHyperService::new(router), patience, Lasting::new(lasting)).await;
 }
 
-/// The same with routes that know more of the connection.
+/// The same with routes that know more about the connection.
 pub(super) async fn converse_by(
     stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
     service: impl Service<Request<Incoming>, Response = Response, Error = Infallible>,
@@ -95,7 +95,7 @@ pub(super) async fn converse_by(
     }
 }
 
-/// Waits until the time of a connection is over, and no answer without an end goes on there.
+/// Waits until the time of a connection is over and no endless answer is in progress.
 async fn is_over(life: Life, patience: Patience) {
     tokio::time::sleep(patience.connection).await;
     life.has_no_stay().await;

@@ -1,5 +1,5 @@
-//! What holds for every request over TCP: it comes from an allowed network, from no page of another site, and calls the gateway
-//! by a name of its own, and its answer tells browsers what they may do with it.
+//! Checks of every request over TCP: it comes from an allowed network, not from a page of another site, and uses one of
+//! the gateway's names. Its answer tells browsers what they may do with it.
 
 use super::answers::refusal;
 use super::entrance::Peer;
@@ -13,7 +13,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 use std::sync::Arc;
 
-/// Nothing of another host is loaded, shown around the page or told about it.
+/// The page loads nothing from other hosts, is not framed by them, and reveals nothing to them.
 const HEADERS: [(HeaderName, HeaderValue); 3] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -26,7 +26,7 @@ const HEADERS: [(HeaderName, HeaderValue); 3] = [
     (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
 ];
 
-/// Lets a request through to its route, or refuses it.
+/// Passes a request on to its route, or refuses it.
 pub(super) async fn look(State(front): State<Arc<ArcSwap<Front>>>, request: Request, next: Next) -> Response {
     let is_api = request.uri().path().starts_with("/api/");
     let mut answer = match refused(&front.load(), &request) {
@@ -58,7 +58,7 @@ fn refused(front: &Front, request: &Request) -> Option<Response> {
     Some(refusal(StatusCode::MISDIRECTED_REQUEST, what))
 }
 
-/// Browsers always say by which name they call; what says nothing is none.
+/// Browsers always send the host name; a client that does not is not a browser.
 fn is_called_right(front: &Front, headers: &HeaderMap) -> bool {
     let mut called = headers.get_all(header::HOST).iter();
     match (called.next(), called.next()) {

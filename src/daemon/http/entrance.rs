@@ -1,6 +1,6 @@
-//! Connections to the HTTP listener on TCP: from allowed networks only, through TLS where that is configured, and never
-//! without a place for one more, so that nobody who has come before holds up a stop. What could not be made any more after a
-//! change ends.
+//! Connections to the HTTP listener on TCP: from allowed networks only, through TLS where configured, and always with a
+//! place for one more, so that earlier clients cannot hold up a stop. After a reload, connections that would no longer
+//! be accepted are closed.
 
 use super::connections::{CONNECTIONS_MAX, Patience, converse_by};
 use super::front::Front;
@@ -35,12 +35,12 @@ use tokio_rustls::TlsAcceptor;
 /// Most time for a TLS handshake.
 const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 
-/// Where a request comes from, as its routes find it.
+/// The peer of a request, as an extension for its routes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub IpAddr);
 
-/// Serves `router` on `listener` until the task is dropped, as `front` says at each moment; `changed` rings when that is
-/// something else. Its connections end with it.
+/// Serves `router` on `listener` until the task is dropped, always by the current `front`; `changed` is notified when
+/// that is replaced. Its connections end with it.
 pub(super) async fn serve(
     mut listener: TcpListener,
     router: Router,
@@ -90,7 +90,7 @@ async fn receive(stream: TcpStream, tls: Option<Arc<ServerConfig>>, guest: Guest
     }
 }
 
-/// All connections of a listener. They end when this is dropped.
+/// All connections of a listener. They are closed when this is dropped.
 #[derive(Default)]
 struct House(Rc<Places>);
 
@@ -120,9 +120,9 @@ struct Held {
 struct Seat {
     /// A request waits for its answer.
     is_asking: Cell<bool>,
-    /// When it came, or asked last.
+    /// When it connected, or last sent a request.
     seen: Cell<MonoTime>,
-    /// Whether its answer has no end.
+    /// Whether its answer is endless.
     lasting: Lasting,
 }
 
@@ -134,8 +134,8 @@ struct Permit {
 }
 
 impl Places {
-    /// A place for one more. Where all are taken, the one that has asked longest ago and waits for no answer gives way; of
-    /// those with an answer without an end there are never so many.
+    /// A place for one more. If all are taken, the connection that sent no request for longest and waits for no answer
+    /// is closed; endless answers never take all places.
     fn take(places: &Rc<Self>, lasting: Lasting) -> (Permit, Rc<Seat>) {
         if places.held.borrow().len() >= CONNECTIONS_MAX {
             places.make_room();
@@ -145,14 +145,15 @@ impl Places {
         (Permit { places: Rc::clone(places), number: places.last.get() }, Rc::new(seat))
     }
 
-    /// Ends what could not be made any more: from elsewhere, or in plain view where that is over, and the other way round.
+    /// Closes connections that would no longer be accepted: from a network that is not allowed, or without TLS where it
+    /// is now required, or the other way round.
     fn review(&self, front: &Front) {
         let is_encrypted = front.tls().is_some();
         self.send_away(|held| !front.allows(held.peer) || held.is_encrypted != is_encrypted);
     }
 
     fn send_away(&self, goes: impl Fn(&Held) -> bool) {
-        // An end gives its place back, which takes the list for itself.
+        // Closing gives the place back, which borrows the list.
         let gone: Vec<_> = self.held.borrow_mut().extract_if(.., |_, held| goes(held)).collect();
         gone.iter().for_each(|(_, held)| held.task.abort());
     }
@@ -173,7 +174,7 @@ impl Drop for Permit {
     }
 }
 
-/// The routes as one connection finds them.
+/// The routes as one connection sees them.
 struct Guest {
     router: TowerToHyperService<Router>,
     peer: Peer,

@@ -1,4 +1,4 @@
-//! What the HTTP listener asks of whoever comes, made ready to use: networks, names, users and a certificate.
+//! What the HTTP listener requires of clients, ready to use: networks, host names, users and a certificate.
 
 use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
 use crate::daemon::host::pem_files::{certificates, key};
@@ -14,7 +14,7 @@ use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What the listener asks of whoever comes. Without a listener nobody comes.
+/// What the listener requires of clients. Empty without a listener.
 #[derive(Debug, Default)]
 pub struct Front {
     allow: Option<Vec<IpNet>>,
@@ -23,20 +23,20 @@ pub struct Front {
     tls: Option<Arc<ServerConfig>>,
 }
 
-/// Somebody who may sign in.
+/// A user who may sign in.
 #[derive(Clone, Debug)]
 pub struct User {
-    /// Whoever it is.
+    /// The user's name.
     pub name: CommanderName,
     /// The password.
     pub hash: StoredHash,
 }
 
 impl Front {
-    /// Reads the files that `settings` name. It may take time.
+    /// Reads the files that `settings` name. May block.
     ///
     /// # Errors
-    /// All that is wrong with them, in words.
+    /// Everything that is wrong with them, as text.
     pub fn read(settings: &HttpSettings) -> Result<Self, String> {
         let mut problems = Vec::new();
         let users = settings.users.iter().filter_map(|user| read_user(user).map_err(|why| problems.push(why)).ok());
@@ -49,12 +49,12 @@ impl Front {
         }
     }
 
-    /// Whether somebody at `peer` may connect.
+    /// Whether `peer` may connect.
     pub(super) fn allows(&self, peer: IpAddr) -> bool {
         self.allow.as_ref().is_none_or(|allow| is_in(peer, allow))
     }
 
-    /// By which names the gateway may be called.
+    /// The host names of the gateway.
     pub(super) fn hosts(&self) -> impl Iterator<Item = &str> {
         self.hosts.iter().map(String::as_str)
     }
@@ -76,7 +76,7 @@ impl Front {
     }
 }
 
-/// Those of the configuration, and what the host calls itself, with and without its domain.
+/// The configured names, and the host's own name with and without its domain.
 fn hosts(configured: &[String]) -> Vec<String> {
     let own = uname().nodename().to_string_lossy().to_ascii_lowercase();
     let first = own.split('.').next().unwrap_or_default().to_owned();
@@ -108,7 +108,7 @@ fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {
             return Err(problems.join("; "));
         }
     };
-    // The provider is named, so that it does not matter what other parts of the process install or not.
+    // The provider is named, so that it does not matter what other parts of the process install.
     let builder = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()));
     let builder = builder.with_safe_default_protocol_versions().map_err(|error| error.to_string())?;
     let mut config = builder.with_no_client_auth().with_single_cert(chain, key).map_err(|error| match error {

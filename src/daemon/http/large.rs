@@ -1,7 +1,7 @@
-//! Large answers: all that wait for their clients share one bound, and each is handed over in pieces.
+//! Large answers: all that wait for their clients share one bound, and each is sent in pieces.
 //!
-//! A document of a plant with hundreds of drives has some hundred kilobytes, and every connection may ask for one and not take
-//! it.
+//! A document of a plant with hundreds of drives has some hundred kilobytes, and every connection may request one and
+//! not read it.
 
 use super::answers::refusal;
 use super::taking::PIECE_BYTES;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Kilobytes of large answers of one listener that may wait at once. An answer that is longer waits alone.
+/// Most KiB of large answers of one listener that may wait at once. A longer answer waits alone.
 const KIB_MAX: u32 = 8 * 1024;
 
 /// The room for large answers of one listener.
@@ -30,7 +30,7 @@ impl Default for Room {
     }
 }
 
-/// An answer that goes out in pieces. Its room is free again when the last one is taken.
+/// An answer that is sent in pieces. Its room is free again when the last one is taken.
 #[derive(Debug)]
 pub struct Pieces {
     rest: Bytes,
@@ -38,7 +38,7 @@ pub struct Pieces {
 }
 
 impl Room {
-    /// `bytes` in pieces; without them if there is no room for as many.
+    /// `bytes` in pieces; `None` if there is no room for as many.
     pub fn pieces(&self, bytes: Bytes) -> Option<Pieces> {
         if bytes.len() <= PIECE_BYTES {
             return Some(Pieces { rest: bytes, room: None });
@@ -77,7 +77,7 @@ impl HttpBody for Pieces {
     }
 }
 
-/// Hands a large answer over in pieces, or refuses it. What is part of the program takes no memory and passes.
+/// Sends a large answer in pieces, or refuses it. Files of the program itself take no memory and pass.
 pub(super) async fn look(State(room): State<Room>, request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let is_made = path.starts_with("/api/") || path == "/metrics";
@@ -87,7 +87,7 @@ pub(super) async fn look(State(room): State<Room>, request: Request, next: Next)
         return answer;
     }
     let (head, body) = answer.into_parts();
-    // It is whole already: its length is known.
+    // It is complete already: its length is known.
     let pieces = to_bytes(body, usize::MAX).await.ok().and_then(|bytes| room.pieces(bytes));
     match pieces {
         Some(pieces) => Response::from_parts(head, Body::new(pieces)),

@@ -1,12 +1,12 @@
-//! Answers without an end on a listener: how many there may be, and the end of one whose reader does not keep up.
+//! Endless answers on a listener: how many there may be, and closing one whose reader does not keep up.
 //!
-//! Every request carries a [`Lasting`] as an extension. A route whose answer goes on for as long as somebody listens asks
-//! it for a [`Stay`] and keeps that as long as the answer goes on.
+//! Every request carries a [`Lasting`] as an extension. A route with an endless answer takes a [`Stay`] from it and
+//! holds that as long as the answer continues.
 
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 
-/// Most answers without an end at once on one listener. It leaves half of the connections for everybody else.
+/// Most endless answers at once on one listener. It leaves half of the connections for other clients.
 pub const LASTING_MAX: usize = 32;
 
 /// What a connection is used for.
@@ -14,9 +14,9 @@ pub const LASTING_MAX: usize = 32;
 enum Use {
     /// Short answers.
     Short,
-    /// An answer without an end.
+    /// An endless answer.
     Lasting,
-    /// It is to end at once.
+    /// To be closed at once.
     Cut,
 }
 
@@ -31,7 +31,7 @@ pub struct Lasting {
 #[derive(Clone, Debug)]
 pub(super) struct Life(watch::Receiver<Use>);
 
-/// An answer without an end. It ends with this.
+/// An endless answer. It ends when this is dropped.
 #[derive(Debug)]
 pub struct Stay {
     used: watch::Sender<Use>,
@@ -44,18 +44,18 @@ pub(super) fn places() -> Arc<Semaphore> {
 }
 
 impl Lasting {
-    /// A connection that is used for short answers as yet.
+    /// A connection that is used for short answers so far.
     pub(super) fn new(places: Arc<Semaphore>) -> (Self, Life) {
         let (used, seen) = watch::channel(Use::Short);
         (Self { places, used }, Life(seen))
     }
 
-    /// Whether an answer without an end goes on.
+    /// Whether an endless answer is in progress.
     pub(super) fn is_lasting(&self) -> bool {
         *self.used.borrow() == Use::Lasting
     }
 
-    /// Lets the connection last; nothing if as many do already.
+    /// Lets the connection last; `None` if too many do already.
     #[must_use]
     pub fn stay(&self) -> Option<Stay> {
         let place = Arc::clone(&self.places).try_acquire_owned().ok()?;
@@ -65,7 +65,7 @@ impl Lasting {
 }
 
 impl Stay {
-    /// Ends the connection at once, whatever of it was not sent.
+    /// Closes the connection at once, whatever is not sent yet.
     pub fn cut(&self) {
         self.used.send_replace(Use::Cut);
     }
@@ -84,19 +84,19 @@ impl Drop for Stay {
 }
 
 impl Life {
-    /// Waits until the connection is to end at once.
+    /// Waits until the connection is to be closed at once.
     pub(super) async fn until_cut(mut self) {
         self.wait_for(Use::Cut, true).await;
     }
 
-    /// Waits until no answer without an end goes on.
+    /// Waits until no endless answer is in progress.
     pub(super) async fn has_no_stay(mut self) {
         self.wait_for(Use::Lasting, false).await;
     }
 
     async fn wait_for(&mut self, used: Use, is: bool) {
         if self.0.wait_for(|now| (*now == used) == is).await.is_err() {
-            // Nobody can say it any more.
+            // The sender is gone, so it will never be.
             std::future::pending::<()>().await;
         }
     }

@@ -225,7 +225,7 @@ fn whoever_does_not_prove_itself_is_told_why() {
                 "the role extension must not be critical",
             ),
             (Some(issue(&|it| it.custom_extensions = vec![role("a"), role("b")])), "more than one role extension"),
-            (Some(issue(&|it| it.custom_extensions = vec![role_holding(b"a".to_vec())])), "than one UTF8String"),
+            (Some(issue(&|it| it.custom_extensions = vec![role_holding(b"a".to_vec())])), "exactly one UTF8String"),
             (Some(secured.clients.issue(|_| {})), "its certificate has no subject"),
         ] {
             for version in EVERY_VERSION {

@@ -1,5 +1,5 @@
-//! What a request must bring that changes something: the own page as its origin, a session, and the token that only that page
-//! has been told.
+//! What a request that changes something must have: the gateway's own page as its origin, a session, and the token that
+//! only that page knows.
 
 use super::Control;
 use crate::daemon::host::clock;
@@ -27,24 +27,25 @@ const MOMENT_HEADER: &str = "vfd-moment";
 /// Most time for a body.
 const BODY_WITHIN: Duration = Duration::from_secs(10);
 
-/// What is answered instead. It is large, and rare.
+/// A refusal as a response. Boxed: it is large and rare.
 pub(super) type Refused = Box<Response>;
 
-/// A request of somebody who is signed in.
+/// A request of a signed-in user.
 pub(super) struct Admitted {
     pub user: CommanderName,
-    /// As much of it as may be there.
+    /// The body, up to the longest allowed length.
     pub body: Bytes,
-    /// Why it may have waited on its way; none if it has not. Else only a stop counts.
+    /// Why the request may be old, if it may. If so, only a stop is executed.
     pub old: Option<Old>,
-    /// What is wrong with the body as a whole: it is too long, broke off or is of another kind. A stop in it counts.
+    /// What is wrong with the body as a whole: too long, broken off or of another type. A stop in it is executed all
+    /// the same.
     pub flaw: Option<Refused>,
     /// By which the session is known.
     pub key: Key,
 }
 
 impl Admitted {
-    /// The same, if its body is as it shall be.
+    /// The same, if its body is valid.
     ///
     /// # Errors
     /// What is answered instead.
@@ -56,12 +57,13 @@ impl Admitted {
     }
 }
 
-/// A refusal in words.
+/// A refusal with a text.
 pub(super) fn refused(status: StatusCode, error: &str) -> Refused {
     Box::new(refusal(status, error))
 }
 
-/// A digest of a session's id for one purpose, from which neither the id nor a digest for another one can be told.
+/// A digest of a session's id for one purpose, from which neither the id nor the digest for another purpose can be
+/// derived.
 pub(super) fn digest(purpose: &str, id: &[u8]) -> Key {
     let mut context = Context::new(&SHA256);
     context.update(purpose.as_bytes());
@@ -74,7 +76,7 @@ pub(super) fn digest(purpose: &str, id: &[u8]) -> Key {
     key
 }
 
-/// By which the session with `id` is known.
+/// The key of the session with `id`.
 pub(super) fn key_of(id: &Key) -> Key {
     digest("session", id)
 }
@@ -89,7 +91,7 @@ pub(super) fn id_in(headers: &HeaderMap) -> Option<Key> {
     headers.get_all(header::COOKIE).iter().find_map(|cookies| session_id(cookies.to_str().ok()?))
 }
 
-/// Takes a request of somebody who is signed in.
+/// Accepts a request of a signed-in user.
 ///
 /// # Errors
 /// What is answered instead.
@@ -102,7 +104,7 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
     let key = key_of(&id);
     control.sessions().user(clock::now(), &key).ok_or_else(signed_out)?;
     let token = parts.headers.get(TOKEN_HEADER).map(header::HeaderValue::as_bytes);
-    // Digests of both are compared: how far they are equal tells nothing.
+    // Compare digests: the time of the comparison then reveals nothing.
     let is_right = token.is_some_and(|token| digest("compare", token) == digest("compare", token_of(&id).as_bytes()));
     if !is_right {
         return Err(refused(
@@ -118,7 +120,7 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
     Ok(Admitted { user, body, old, flaw, key })
 }
 
-/// Whether anybody can sign in.
+/// Whether any user can sign in.
 ///
 /// # Errors
 /// What is answered instead.
@@ -130,7 +132,7 @@ pub(super) fn is_possible(control: &Control) -> Result<(), Refused> {
     Ok(())
 }
 
-/// Whether no other page has sent the request. What is no browser says nothing of that.
+/// Whether the request was not sent by another page. Clients other than browsers do not send these headers.
 ///
 /// # Errors
 /// What is answered instead.
@@ -145,7 +147,7 @@ pub(super) fn comes_from_own_page(headers: &HeaderMap) -> Result<(), Refused> {
     Err(refused(StatusCode::FORBIDDEN, what))
 }
 
-/// The body of a request, which is JSON or nothing.
+/// The body of a request, which is JSON or empty.
 ///
 /// # Errors
 /// What is answered instead.
@@ -172,7 +174,7 @@ async fn body_of(headers: &HeaderMap, body: Body) -> (Bytes, Option<Refused>) {
     (bytes.freeze(), flaw.or_else(|| (!is_right).then(of_kind)))
 }
 
-/// Takes as much of `body` as there may be, and no more. False if that is not all of it.
+/// Reads `body` up to the longest allowed length. Returns false if that is not all of it.
 async fn collect(body: Body, bytes: &mut BytesMut) -> bool {
     let mut body = pin!(body);
     while let Some(frame) = poll_fn(|cx| body.as_mut().poll_frame(cx)).await {

@@ -1,4 +1,4 @@
-//! What somebody who is signed in orders: of one drive, or a stop of all.
+//! Commands of signed-in users: to one drive, or a stop of all.
 
 use super::Control;
 use super::admission::{Admitted, admit};
@@ -19,10 +19,10 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// So much of a body that is not understood stands in the audit, in characters.
+/// Characters of a body that is not understood that are kept in the audit.
 const KEPT_CHARS: usize = 200;
 
-/// Carries out what somebody wants of a drive, and tells what became of it.
+/// Executes a command to one drive and reports its outcome.
 pub(super) async fn command(
     State(control): State<Arc<Control>>,
     Path(name): Path<String>,
@@ -81,7 +81,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
     match (taken, wish.order.clone()) {
         (Some(taken), None) => taken,
         (Some(taken), Some(_)) if is_refused => taken,
-        // The line took longer to give control than an order may wait.
+        // The line took longer to grant control than an order may wait.
         (Some(_), Some(order)) if clock::now().since(begun) >= COMMAND_DEADLINE => {
             let report = Report::new(Outcome::Expired, Reason::TooLate);
             control.side.keep(who, Some(place), Tried::Order(order), report);
@@ -92,7 +92,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
     }
 }
 
-/// Renews the lease of whoever is signed in.
+/// Renews the lease of the signed-in user.
 pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
     let Admitted { user, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
         Ok(admitted) => admitted,
@@ -114,8 +114,8 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
     (StatusCode::CONFLICT, json(&answer)).into_response()
 }
 
-/// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together, so that
-/// it can stop its drives by one frame.
+/// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together,
+/// so that it can stop its drives with one frame.
 pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
     let Admitted { user, body, flaw, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
@@ -143,7 +143,7 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
     json(&answer).into_response()
 }
 
-/// What became of an order.
+/// The outcome of an order.
 fn told(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome(drive.description.name.as_str(), report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();

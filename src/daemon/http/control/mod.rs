@@ -1,5 +1,5 @@
-//! Control from the page: who signs in, and what they order. It goes the way of the program's own tools, and the guard
-//! reviews it as it does everybody's orders.
+//! Control from the page: sign-in and orders. Orders take the path of the program's own tools, and the guard reviews
+//! them like all others.
 
 mod admission;
 mod commands;
@@ -20,16 +20,16 @@ use arc_swap::ArcSwap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, Semaphore};
 
-/// Most passwords that are compared at once: each takes 19 MiB and more, and a core for a while.
+/// Most passwords that are compared at once: each takes 19 MiB or more, and a core for a while.
 const VERIFICATIONS_MAX: usize = 1;
-/// Most sign-ins at once, with those that wait for that.
+/// Most sign-ins at once, including those that wait for a comparison.
 const SIGN_INS_MAX: usize = 8;
 
-/// Who is signed in, and the way of their orders.
+/// The signed-in users, and the path of their orders.
 #[derive(Debug)]
 pub struct Control {
     side: Arc<LocalSide>,
-    /// What orders name.
+    /// The moments that orders name.
     moments: Moments,
     front: Arc<ArcSwap<Front>>,
     changed: Arc<Notify>,
@@ -40,7 +40,8 @@ pub struct Control {
 }
 
 impl Control {
-    /// Nobody is signed in. Orders go through `side` and name one of `moments`, and users are those of `front`.
+    /// Starts with no user signed in. Orders are sent through `side` and name one of `moments`; users are those of
+    /// `front`.
     #[must_use]
     pub fn new(side: Arc<LocalSide>, moments: Moments, front: Front) -> Self {
         Self {
@@ -55,22 +56,22 @@ impl Control {
         }
     }
 
-    /// Asks of whoever comes what `front` says from now on. Whoever is not in it any more, or has another password there, is
-    /// signed out; the others notice nothing.
+    /// Applies `front` from now on. Users who are no longer in it, or have another password, are signed out; the others
+    /// notice nothing.
     pub fn change(&self, front: Front) {
         let before = self.front.swap(Arc::new(front));
         let front = self.front.load();
         self.sessions().keep(|user: CommanderName| front.knows_as(&before, user));
-        // Kept until the listener has a moment, so that none is missed.
+        // Stored until the listener waits for it, so that none is missed.
         self.changed.notify_one();
     }
 
-    /// What the listener asks of whoever comes.
+    /// What the listener requires of clients.
     pub(super) const fn front(&self) -> &Arc<ArcSwap<Front>> {
         &self.front
     }
 
-    /// Rings when that is something else.
+    /// Notified when that has changed.
     pub(super) const fn changed(&self) -> &Arc<Notify> {
         &self.changed
     }

@@ -1,12 +1,12 @@
-//! Where what needs a sign-in is found.
+//! The routes that need a sign-in.
 
 use super::{Control, commands, sign_in};
 use axum::Router;
 use axum::routing::{get, post};
 use std::sync::Arc;
 
-/// The routes of those who sign in. Orders have no bound of their own: a connection gives one after the other, and
-/// connections are bounded.
+/// The routes of control. Orders have no bound of their own: a connection sends one at a time, and connections are
+/// bounded.
 pub fn router(control: Arc<Control>) -> Router {
     Router::new()
         .route("/api/v1/session", get(sign_in::session).post(sign_in::sign_in).delete(sign_in::sign_out))

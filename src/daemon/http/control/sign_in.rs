@@ -20,10 +20,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// Longest wait until a password can be compared.
+/// Longest wait for the comparison of a password.
 const VERIFIED_WITHIN: Duration = Duration::from_secs(5);
 
-/// Whether control is possible, who is signed in, and the moment for an order that follows.
+/// Whether control is possible, who is signed in, and the moment for the next order.
 pub(super) async fn session(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
     let is_enabled = !control.front.load().users().is_empty();
     let id = id_in(&headers).filter(|_| is_enabled);
@@ -50,7 +50,7 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {SIGN_IN_EXAMPLE} is expected"));
     let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
     let peer = parts.extensions.get::<Peer>().map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
-    // Not an attempt yet: nothing was compared.
+    // Not counted as an attempt: nothing was compared.
     let Ok(_place) = control.sign_ins.try_acquire() else { return Err(busy()) };
     control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
     let Some(user) = verified(control, &name, password).await? else {
@@ -85,7 +85,7 @@ fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
     answer
 }
 
-/// The user called `name`, if this is the password. It takes as long for a user who does not exist.
+/// The user called `name`, if `password` is right. Takes equally long for a user who does not exist.
 async fn verified(control: &Control, name: &str, password: String) -> Result<Option<CommanderName>, Refused> {
     let place = timeout(VERIFIED_WITHIN, Arc::clone(&control.verifications).acquire_owned()).await;
     let Ok(Ok(place)) = place else { return Err(busy()) };
@@ -97,7 +97,7 @@ async fn verified(control: &Control, name: &str, password: String) -> Result<Opt
         hash.matches(&password)
     });
     let matches = matches.await.unwrap_or(false) && known.is_some();
-    // The configuration may be another one by now.
+    // The configuration may have changed meanwhile.
     Ok(Some(name).filter(|name| matches && control.front.load().knows_as(&front, *name)))
 }
 
@@ -120,7 +120,7 @@ fn random() -> Option<Key> {
     SystemRandom::new().fill(&mut id).ok().map(|()| id)
 }
 
-/// No script reads the cookie, and no other page has it sent along.
+/// Scripts cannot read the cookie, and other pages cannot have it sent.
 fn set_cookie(control: &Control, answer: &mut Response, id: &str, more: &str) {
     let secure = if control.front.load().tls().is_some() { "; Secure" } else { "" };
     let cookie = format!("{COOKIE}={id}; HttpOnly; SameSite=Strict; Path=/{secure}{more}");

@@ -46,12 +46,12 @@ fn settings(users: &[&str]) -> HttpSettings {
     }
 }
 
-/// Two drives, of which the page may command the first, at a line that confirms all it is told.
+/// Two drives, of which the page may command the first, on a line that confirms every order.
 struct House {
     address: SocketAddr,
     control: Arc<Control>,
     heard: Rc<RefCell<Vec<(Owner, Order)>>>,
-    /// The line gives control to who takes it, after longer than an order may wait.
+    /// The line grants control, but only after longer than an order may wait.
     gives_late: Rc<Cell<bool>>,
     listener: AbortHandle,
 }
@@ -119,20 +119,20 @@ async fn play(
 }
 
 impl House {
-    /// A connection that has an answer, or the beginning of one, and stays.
+    /// A connection that has received an answer, or its beginning, and stays open.
     async fn open(&self, path: &str) -> TcpStream {
         let mut stream = TcpStream::connect(self.address).await.unwrap();
         again(&mut stream, path).await;
         stream
     }
 
-    /// Asks as a client that has received the present moment.
+    /// Sends a request as a client that has received the present moment.
     async fn ask(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
         let head = format!("{head}Vfd-Moment: {}\r\n", self.control.moments.at(clock::now()));
         self.ask_as(method, path, &head, body).await
     }
 
-    /// Asks with this head alone.
+    /// Sends a request with this head alone.
     async fn ask_as(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
         let stream = TcpStream::connect(self.address).await.unwrap();
         self.ask_on(stream, method, path, head, body).await
@@ -159,7 +159,7 @@ impl House {
         (status, head.to_owned(), serde_json::from_str(body).unwrap_or(Value::Null))
     }
 
-    /// The headers of somebody who has signed in as `user`.
+    /// The headers of a client that has signed in as `user`.
     async fn sign_in(&self, user: &str) -> String {
         let body = json!({ "user": user, "password": PASSWORD }).to_string();
         let (status, head, body) = self.ask("POST", "/api/v1/session", "", &body).await;
@@ -338,7 +338,7 @@ fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
     });
 }
 
-/// Whoever waits for a request, and whoever listens.
+/// Both an idle connection and one that listens.
 #[test]
 fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
     on_a_runtime(async {
@@ -356,7 +356,7 @@ fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
     });
 }
 
-/// Passwords would still come in plain view over a connection from before.
+/// Passwords would still be sent in plain text over an earlier connection.
 #[test]
 fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
     let place = Dir::new();
@@ -383,7 +383,7 @@ fn connections_end_with_their_listener() {
     });
 }
 
-/// Asks for one more document.
+/// Requests one more document.
 async fn again(stream: &mut TcpStream, path: &str) {
     stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).await.unwrap();
     let mut answer = String::new();
@@ -396,7 +396,7 @@ async fn again(stream: &mut TcpStream, path: &str) {
     assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
 }
 
-/// Waits for the end of a connection; what was under way may come before.
+/// Waits until a connection closes; data under way may arrive before.
 async fn ends(stream: &mut TcpStream) {
     let end = async {
         let mut rest = [0; 4096];
@@ -426,7 +426,7 @@ fn names_that_are_not_ours_are_misdirected() {
     });
 }
 
-/// Such a page could hold all places for those who listen.
+/// Such a page could take all places for listeners.
 #[test]
 fn pages_of_other_sites_get_no_answer_that_lasts() {
     on_a_runtime(async {
@@ -450,7 +450,7 @@ fn a_full_house_has_room_for_one_more() {
         for _ in 0..CONNECTIONS_MAX {
             held.push(TcpStream::connect(house.address).await.unwrap());
         }
-        // Whoever connected last has its place.
+        // The last client to connect has its place.
         let last = held.pop().unwrap();
         let (status, ..) = house.ask("POST", "/api/v1/stop", &head, "{}").await;
         assert_eq!(status, 200);
