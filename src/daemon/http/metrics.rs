@@ -1,4 +1,4 @@
-//! Metrics as OpenMetrics text, made anew for each scrape from what the lines show.
+//! Metrics as OpenMetrics text, built at each scrape from what the lines publish.
 
 use super::state::State;
 use super::table::{self, Metric, Name, Sample};
@@ -23,7 +23,7 @@ type Labels<'a> = Vec<(&'static str, &'a str)>;
 /// All metrics as of `now`.
 ///
 /// # Errors
-/// The encoder's, which has none for text.
+/// The encoder's; writing text never fails.
 pub(super) fn text(state: Arc<State>, now: MonoTime) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix(table::PREFIX);
     registry.register_collector(Box::new(Scrape { state, now }));
@@ -136,7 +136,7 @@ impl Scrape {
     }
 }
 
-/// The age of the oldest fast value of `drive`; nothing while one was never read.
+/// The age of the oldest fast value of `drive`; `None` while one was never read.
 fn age(drive: &SharedDrive, view: &DriveView, now: MonoTime) -> Option<f64> {
     let fast = drive.description.model.registers.iter().filter(|register| register.poll == Some(PollClass::Fast));
     let ages = fast.map(|register| Some(now.since(view.snapshot.reading(register.address)?.at)));
@@ -220,7 +220,7 @@ enum Value {
 }
 
 fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: Value) -> fmt::Result {
-    // Without labels no braces are written either: some readers stumble over empty ones.
+    // Without labels no braces are written: some parsers reject empty ones.
     if labels.is_empty() { write(family, value) } else { write(&mut family.encode_family(labels)?, value) }
 }
 
@@ -245,7 +245,7 @@ fn histogram(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, counts: &Reply
 }
 
 /// The same metrics as the older text format of Prometheus has them: a counter is described by the name of its samples,
-/// and neither units nor the end are said.
+/// and there are neither units nor an end mark.
 pub(super) fn older(text: &str) -> String {
     let counters: HashSet<_> =
         text.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.strip_suffix(" counter")).collect();

@@ -1,9 +1,9 @@
-//! HTTP for those who watch the gateway: alive, ready, health, metrics, what lines and drives do. These routes read what
-//! the lines show and ask nothing of them. Whoever is signed in may command too, over TCP alone ([`Control`]).
+//! HTTP for monitoring: alive, ready, health, metrics, the state of lines and drives. These routes read what the lines
+//! publish and request nothing from them. Signed-in users may command too, over TCP only ([`Control`]).
 //!
 //! They are served on a TCP listener ([`serve`]) and on a Unix socket in the data directory ([`socket::OwnSocket`]), by
-//! which the program's own commands reach the gateway. On the socket alone are the routes that look at and set what a
-//! drive needs before it obeys the bus.
+//! which the program's own commands reach the gateway. Only the socket has the routes that check and set what a drive
+//! needs before it obeys the bus.
 
 mod answers;
 mod connections;
@@ -47,7 +47,7 @@ use connections::Patience;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 
-/// Bytes that the system holds for a client that does not read. Left alone it would take some megabytes.
+/// Bytes that the system buffers for a client that does not read. The default is some megabytes.
 pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.

@@ -1,4 +1,4 @@
-//! What only the program's own tools find, over the socket and never over TCP: what has to be set on a drive.
+//! Routes of the program's own tools, over the socket and never over TCP: what has to be set on a drive.
 
 use super::answers::json;
 use super::{params, setup, watchdog};
@@ -19,7 +19,7 @@ use serde_json::Value;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest body in bytes: addresses of some registers.
+/// Longest body in bytes: room for the addresses of some registers.
 const BODY_BYTES_MAX: usize = 4096;
 
 /// The routes of the tools.
@@ -57,7 +57,7 @@ async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<Strin
 
 /// What a tool wants set on a drive.
 enum SettingRequest {
-    /// The registers at these addresses, as the drive's model demands.
+    /// The registers at these addresses, to the values that the drive's model demands.
     Setup(Vec<u16>),
     /// The drive's own watchdog, to this time or off.
     Watchdog(Option<Duration>),
@@ -66,7 +66,7 @@ enum SettingRequest {
 async fn carry_out(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> Response {
     let Some(place) = side.place() else { return too_many(&name) };
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
-    // Whoever goes away does not take the order back, and what becomes of it stands in the log.
+    // A client that disconnects does not cancel the order; its outcome is logged.
     let carried_out = tokio::spawn(async move {
         let _place = place;
         match wish {
@@ -87,7 +87,7 @@ pub(super) fn not_understood(name: &str, message: String) -> Response {
 }
 
 async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
-    // Whoever goes away does not take it back.
+    // A client that disconnects does not cancel it.
     match tokio::spawn(async move { side.reload().await }).await {
         Ok(done) => {
             let status = match &done {
@@ -101,7 +101,7 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
     }
 }
 
-/// What became of a reload.
+/// The outcome of a reload.
 fn reload_answer(done: &Reloaded) -> Value {
     match done {
         Ok(Applied { changes, warnings }) => {

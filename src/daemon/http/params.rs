@@ -1,5 +1,5 @@
-//! The parameters of a drive, for `vfd-gateway params` over the socket: which there are, what one holds now, and one written
-//! back through the guard.
+//! The parameters of a drive, for `vfd-gateway params` over the socket: the list, the present value of one, and writing
+//! one through the guard.
 
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
@@ -32,7 +32,7 @@ pub(super) fn router() -> Router<Arc<LocalSide>> {
         .route("/api/v1/drives/{name}/params/{address}", get(look).post(set))
 }
 
-/// Which parameters there are. It asks nothing of the drive.
+/// The list of parameters. It requests nothing from the drive.
 async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
     let (description, model) = (&drive.description, &*drive.description.model);
@@ -61,7 +61,7 @@ fn parameter(model: &Model, register: &Register) -> Value {
     })
 }
 
-/// The registers of the model that are no parameters, each with the reason.
+/// The registers of the model that are not parameters, each with the reason.
 fn left_out(model: &Model) -> Vec<Value> {
     let reason = |register: &Register| match (register.access.can_read(), register.role) {
         (false, Some(Role::RunCommand | Role::FrequencyCommand)) => Some("a command register, which cannot be read"),
@@ -76,22 +76,23 @@ fn left_out(model: &Model) -> Vec<Value> {
     left_out.collect()
 }
 
-/// A group of parameters, with those that the model does not describe: the drive may have them or not.
+/// A group of parameters, including those that the model does not describe: the drive may or may not have them.
 fn others(model: &Model, group: &Group) -> Value {
     let unknown = model.addresses_of(group).filter(|address| model.register_at(*address).is_none());
     json!({ "name": group.name, "unknown": unknown.collect::<Vec<_>>() })
 }
 
-/// What one of them holds now.
+/// The present value of one of them.
 async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>) -> Response {
     let Some(_place) = side.place() else { return too_many(&name) };
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
     let model = &drive.description.model;
     let register = readable(&drive, address);
-    // What no register stands for is read as the number that it is, where it lies in a group of parameters.
+    // An address without a register is read as a plain number if it lies in a group of parameters.
     let in_group = model.code_in_group(address).filter(|_| model.register_at(address).is_none());
     let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else { return no_parameter(&name, address) };
-    // Some drives do not answer for a number that they do not have, and pass for silent then: not while the motor turns.
+    // Some drives do not answer for a parameter that they do not have and would count as silent: not while the motor
+    // turns.
     let at_rest = matches!(run_state(&drive.view.load()), RunState::Stopped | RunState::Tripped);
     let found = match register {
         None if !at_rest => Err(Report::refused(Reason::Moving)),
@@ -113,7 +114,7 @@ async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(St
     if readable(&drive, address).is_none() {
         return no_parameter(&name, address);
     }
-    // Whoever goes away does not take the order back, and what becomes of it stands in the log.
+    // A client that disconnects does not cancel the order; its outcome is logged.
     let carried_out = tokio::spawn(async move {
         let _place = place;
         write(&side, &drive, address, word).await
@@ -134,7 +135,7 @@ fn no_parameter(name: &str, address: u16) -> Response {
     (StatusCode::UNPROCESSABLE_ENTITY, answer(&refusal)).into_response()
 }
 
-/// What was there before is read first, because the log has to say it.
+/// The old value is read first, because it is logged.
 async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, word: u16) -> Value {
     let (description, model) = (&drive.description, &*drive.description.model);
     let (name, place) = (description.name.as_str(), description.place);

@@ -1,4 +1,4 @@
-//! What a line says of itself, over the last minutes or over a span that whoever asks waits for.
+//! Reports of a line, over the last minutes or over a span that the client waits for.
 
 use super::answers::json;
 use super::health::line_names;
@@ -19,13 +19,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::Semaphore;
 
-/// How often it is remembered what was counted.
+/// How often the counts are stored.
 const REMEMBER_EVERY: Duration = Duration::from_secs(60);
-/// Moments that are remembered: a report reaches back ten minutes.
+/// Stored moments: a report reaches back ten minutes.
 const MOMENTS: usize = 10;
-/// Spans in seconds that somebody may wait for: less than a connection may take.
+/// Spans in seconds that a client may wait for: shorter than a connection may last.
 pub const SPAN_SECONDS: RangeInclusive<u64> = 1..=240;
-/// Most who wait for one at once; a connection is held for each.
+/// Most clients that wait for one at once; each holds a connection.
 const WAITING_MAX: usize = 16;
 
 /// What was counted some minutes ago.
@@ -37,18 +37,18 @@ pub struct History {
 }
 
 impl History {
-    /// Nothing was counted yet.
+    /// An empty history.
     #[must_use]
     pub fn new(known: Arc<Known>) -> Self {
         Self { known, moments: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
     }
 
-    /// The line with this number as it was some minutes ago; nothing if it was not there.
+    /// The line with this number as it was some minutes ago; `None` if it did not exist then.
     fn oldest(&self, number: u16) -> Option<Arc<LineSeen>> {
         self.moments.lock().unwrap_or_else(PoisonError::into_inner).front()?.get(&number).cloned()
     }
 
-    /// These are all lines as they are now.
+    /// Stores the present state of all lines.
     fn remember(&self, lines: &[Arc<SharedLine>]) {
         let now = lines.iter().map(|line| (line.number, Arc::new(look(line)))).collect();
         let mut moments = self.moments.lock().unwrap_or_else(PoisonError::into_inner);
@@ -59,7 +59,7 @@ impl History {
     }
 }
 
-/// Remembers what is counted, again and again. It never ends.
+/// Stores the counts periodically. Never returns.
 pub async fn remember(history: Arc<History>) {
     loop {
         tokio::time::sleep(REMEMBER_EVERY).await;
@@ -101,7 +101,8 @@ async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, u
     json(&document(&line.name, &line.wiring, &observed)).into_response()
 }
 
-/// The span that `query` asks for: none, or `seconds=N` alone; nothing if it is something else.
+/// The span of `query`: `Some(None)` without a query, `Some(Some(span))` for `seconds=N` alone, `None` for anything
+/// else.
 fn span(query: Option<&str>) -> Option<Option<Duration>> {
     let Some(query) = query.filter(|query| !query.is_empty()) else { return Some(None) };
     let seconds = query.strip_prefix("seconds=")?.parse().ok().filter(|seconds| SPAN_SECONDS.contains(seconds))?;

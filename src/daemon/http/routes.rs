@@ -1,4 +1,4 @@
-//! What is found where.
+//! The routes that every client may use.
 
 use super::answers::json;
 use super::live::Live;
@@ -16,17 +16,17 @@ use std::sync::Arc;
 /// The media type of metrics, as Prometheus asks for it.
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// The same in the format before that, for those who ask for text and do not know the other.
+/// The older text format, for clients that do not accept OpenMetrics.
 const OLDER_METRICS: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-/// What the routes show.
+/// The documents behind the routes.
 #[derive(Clone, Debug)]
 pub struct Documents {
     /// What the HTTP side knows.
     pub state: Arc<Gateway>,
     /// Live documents for the page.
     pub live: Arc<Live>,
-    /// What was counted some minutes ago.
+    /// The counts of some minutes ago.
     pub history: Arc<History>,
 }
 
@@ -42,7 +42,7 @@ impl Documents {
     }
 }
 
-/// The routes that everybody finds. What is not here is 404, and what does not only look is 405.
+/// The routes for every client. Other paths are answered with 404, other methods than GET with 405.
 pub(super) fn router(documents: Documents) -> Router {
     let Documents { state, live, history } = documents;
     super::page::router()
@@ -56,8 +56,8 @@ pub(super) fn router(documents: Documents) -> Router {
         .merge(live::router(live))
 }
 
-/// Whoever gets this answer knows that the main thread turns: it is given there. A line whose thread hangs sends no stop:
-/// whoever looks after the gateway should start it anew.
+/// This answer shows that the main thread runs, which gives it. A line whose thread hangs sends no stop: the gateway
+/// should then be restarted.
 async fn alive(State(gateway): State<Arc<Gateway>>) -> Response {
     let shared = gateway.shared.get();
     let hung: Vec<_> = shared.lines.iter().filter(|line| line.hangs()).map(|line| line.name.as_str()).collect();

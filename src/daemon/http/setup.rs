@@ -1,4 +1,4 @@
-//! What has to be set on a drive before it obeys the bus, and what is found there: for `vfd-gateway verify` and `enable`.
+//! What has to be set on a drive before it obeys the bus, and what it is set to: for `vfd-gateway verify` and `enable`.
 
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
@@ -12,7 +12,7 @@ use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
-/// Longest time for all reads of one look.
+/// Longest time for all reads of one request.
 const READ_WITHIN: Duration = Duration::from_secs(5);
 
 /// The word of a register, or why there is none.
@@ -41,8 +41,8 @@ pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
     })
 }
 
-/// Sets the registers at `addresses` to what the model demands, and tells what became of it. What was there before is
-/// read first, because the log has to say it.
+/// Sets the registers at `addresses` to what the model demands, and reports the outcome. The old values are read first,
+/// because they are logged.
 pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u16>) -> Value {
     let (name, place) = (&drive.description.name, drive.description.place);
     let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
@@ -62,7 +62,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
     outcome(name.as_str(), report, changes)
 }
 
-/// What became of an order for the drive called `name`.
+/// The outcome of an order for the drive called `name`.
 pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value {
     json!({
         "drive": name,
@@ -98,7 +98,7 @@ async fn read(side: &LocalSide, place: DriveRef, addresses: impl Iterator<Item =
     found
 }
 
-/// What can only be seen at the drive itself is never wrong here.
+/// What can only be checked at the drive itself is never wrong here.
 fn is_right(item: &SetupItem, found: Option<&Found>) -> bool {
     match found {
         None => item.address.is_none(),
@@ -153,7 +153,7 @@ fn shown_watchdog<'f>(
     shown
 }
 
-/// What was found, or why nothing was.
+/// The word that was read, or why it could not be.
 pub(super) fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
     let failure = found.and_then(|found| found.as_ref().err());
     let word = found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held));
@@ -166,7 +166,7 @@ pub(super) fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<St
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// A word and what it means, where it is more than a number.
+/// A word and its meaning, if it is more than a number.
 pub(super) fn word(register: Option<&Register>, raw: u16) -> Value {
     let text = register.and_then(|register| {
         let is_plain = register.unit == UnitOfMeasure::None && register.scale == 1;

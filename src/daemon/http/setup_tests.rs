@@ -1,4 +1,4 @@
-//! What the tools find over the socket, from a drive whose line is played by the test.
+//! What the tools get over the socket, from a drive whose line is played by the test.
 
 use super::own_routes;
 use super::tests::{answer, on_a_runtime, state};
@@ -33,7 +33,7 @@ fn side(interface: Interface, change: impl FnOnce(&mut Model)) -> Arc<LocalSide>
     Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], vec![description])), None))
 }
 
-/// What the drive holds, and what was ordered of it. Every order is carried out.
+/// The registers of the drive, and the orders to it. Every order is executed.
 #[derive(Clone, Default)]
 struct Drive {
     words: Arc<Mutex<BTreeMap<u16, u16>>>,
@@ -81,7 +81,7 @@ impl Drive {
     }
 }
 
-/// Asks over a connection of its own, and returns the status with the JSON.
+/// Sends a request over a connection of its own, and returns the status with the JSON.
 async fn ask(side: &Arc<LocalSide>, method: &str, path: &str, body: &str) -> (u16, Value) {
     let (client, server) = tokio::io::duplex(64 * 1024);
     let router = own_routes::router(Arc::clone(side));

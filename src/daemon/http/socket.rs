@@ -17,13 +17,13 @@ use tokio::net::{UnixListener, UnixSocket};
 pub const SOCKET_NAME: &str = "vfd-gateway.sock";
 /// Connections that wait to be accepted.
 const BACKLOG: u32 = 16;
-/// How often it is tried again to make a socket that could not be made.
+/// After how long creating the socket is retried.
 const AGAIN_AFTER: Duration = Duration::from_secs(10);
 
 /// Why there is no socket.
 #[derive(Debug, thiserror::Error)]
 pub enum SocketError {
-    /// Something stands where the socket should be.
+    /// Another file exists where the socket should be.
     #[error("{} is not a socket and is left alone", .0.display())]
     NoSocket(PathBuf),
     /// The system refused.
@@ -36,26 +36,26 @@ pub enum SocketError {
     },
 }
 
-/// The socket of this gateway. Its file is gone when this is dropped.
+/// The socket of this gateway. Its file is removed when this is dropped.
 #[derive(Debug)]
 pub struct OwnSocket {
-    /// None: it could not be made as yet.
+    /// `None` if it could not be created so far.
     listener: Option<UnixListener>,
-    /// The file is ours.
+    /// Whether the file is ours.
     is_made: bool,
     path: PathBuf,
     reachable: Arc<Reachable>,
-    /// Given back behind the socket.
+    /// Released after the socket.
     _lock: Lock,
 }
 
 impl OwnSocket {
-    /// Makes `vfd-gateway.sock` in `directory`, for its owner alone. The socket of a gateway that is gone is replaced. Where none
-    /// can be made, the log says so, and it is tried again while it is served: the gateway controls without it.
-    /// It must be called on a runtime.
+    /// Creates `vfd-gateway.sock` in `directory`, accessible to its owner only. A stale socket of an earlier gateway is
+    /// replaced. If it cannot be created, that is logged and retried while serving: the gateway controls without it.
+    /// Must be called on a runtime.
     ///
     /// # Errors
-    /// [`AlreadyRunning`]: a gateway runs on the same directory, and is left alone.
+    /// [`AlreadyRunning`] if another gateway runs on the same directory.
     pub fn open(directory: &Path) -> Result<Self, AlreadyRunning> {
         let lock = Lock::take(directory)?;
         let (path, reachable) = (directory.join(SOCKET_NAME), Arc::default());
@@ -72,13 +72,13 @@ impl OwnSocket {
         &self.path
     }
 
-    /// Whether the program's own commands reach the gateway, from now on.
+    /// Whether the program's own commands reach the gateway; updated from now on.
     #[must_use]
     pub fn reachable(&self) -> Arc<Reachable> {
         Arc::clone(&self.reachable)
     }
 
-    /// Serves HTTP on it until the task is dropped, and the file with it. It must run on a `LocalSet`.
+    /// Serves HTTP on it until the task is dropped, which removes the file. Must run on a `LocalSet`.
     pub async fn serve(mut self, documents: Documents, side: Arc<LocalSide>) {
         while self.listener.is_none() {
             tokio::time::sleep(AGAIN_AFTER).await;
@@ -111,7 +111,7 @@ impl Drop for OwnSocket {
     }
 }
 
-/// Removes a socket that a gateway which is gone has left.
+/// Removes the stale socket of an earlier gateway.
 fn remove_dead(path: &Path) -> Result<(), SocketError> {
     match rustix::fs::lstat(path) {
         Ok(stat) if FileType::from_raw_mode(stat.st_mode) == FileType::Socket => {
@@ -125,7 +125,7 @@ fn remove_dead(path: &Path) -> Result<(), SocketError> {
 
 fn listen(path: &Path) -> io::Result<UnixListener> {
     let socket = UnixSocket::new_stream()?;
-    // A socket's file has the mode that the socket had when it was bound, so nobody else can ever open it.
+    // The file gets the mode that the socket has when it is bound, so other users can never open it.
     rustix::fs::fchmod(&socket, Mode::RUSR | Mode::WUSR)?;
     socket.bind(path)?;
     socket.listen(BACKLOG)

@@ -1,4 +1,4 @@
-//! What the HTTP side knows: what the lines show, and counts that the other north sides keep for it.
+//! What the HTTP side reads: what the lines publish, and the counts of the other north sides.
 
 use super::reachable::Reachable;
 use crate::daemon::exchange::shared::Current;
@@ -9,7 +9,7 @@ use crate::domain::time::{MonoTime, WallTime};
 use arc_swap::ArcSwapOption;
 use std::sync::Arc;
 
-/// What the HTTP side knows. It is made once, when the gateway starts.
+/// What the HTTP side reads. It is created once, when the gateway starts.
 #[derive(Debug)]
 pub struct State {
     /// The gateway's name.
@@ -18,23 +18,22 @@ pub struct State {
     pub shared: Current,
     /// Counts of the Modbus TCP side.
     pub modbus: Arc<ModbusTotals>,
-    /// State and counts of the MQTT side; nothing if no broker is configured.
+    /// State and counts of the MQTT side; `None` if no broker is configured.
     pub mqtt: ArcSwapOption<MqttTotals>,
-    /// State and counts of the Sparkplug side; nothing if it is not configured.
+    /// State and counts of the Sparkplug side; `None` if it is not configured.
     pub sparkplug: ArcSwapOption<SparkplugTotals>,
-    /// The journal; nothing if there is no data directory.
+    /// The journal; `None` without a data directory.
     pub journal: Option<Arc<Journal>>,
-    /// Whether the program's own commands reach the gateway; nothing if there is no data directory.
+    /// Whether the program's own commands reach the gateway; `None` without a data directory.
     pub socket: Option<Arc<Reachable>>,
     /// When the gateway started.
     pub started: MonoTime,
-    /// The same moment for people.
+    /// The same moment on the wall clock.
     pub started_at: WallTime,
 }
 
 impl State {
-    /// Whether the gateway does what it is configured for: all lines are open, and the broker is reached if there is
-    /// one.
+    /// Whether all lines are open and the broker is connected, if there is one.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         let lines_are_up = self.shared.load().lines.iter().all(|line| line.report().state == LineState::Up);

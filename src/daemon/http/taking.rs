@@ -1,4 +1,4 @@
-//! A client that does not take what it has asked for loses its connection: what waits for it is memory of ours.
+//! Closes the connection of a client that does not read its answer: what waits for it is memory of ours.
 
 use std::io;
 use std::pin::Pin;
@@ -7,25 +7,25 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// Bytes that are waited for together: a large answer is made in pieces of this size at most.
+/// Bytes that share one time limit: a large answer is made in pieces of at most this size.
 pub const PIECE_BYTES: usize = 64 * 1024;
 
-/// A connection whose client has to take each piece in time. While it has nothing to take there is no hurry.
+/// A connection whose client has to read each piece in time. While nothing waits for it there is no limit.
 #[derive(Debug)]
 pub(super) struct Taking<S> {
     stream: S,
     within: Duration,
-    /// Ends the wait for the client, and how much it has taken meanwhile.
+    /// The time limit of the current piece, and how much the client has read of it.
     waiting: Option<(Pin<Box<Sleep>>, usize)>,
 }
 
 impl<S> Taking<S> {
-    /// A connection over `stream`, with so much time for each piece.
+    /// A connection over `stream`, with `within` for each piece.
     pub(super) const fn new(stream: S, within: Duration) -> Self {
         Self { stream, within, waiting: None }
     }
 
-    /// The client has taken `bytes`.
+    /// The client has read `bytes`.
     fn took(&mut self, bytes: usize) {
         if let Some((until, taken)) = &mut self.waiting {
             *taken += bytes;
@@ -36,7 +36,7 @@ impl<S> Taking<S> {
         }
     }
 
-    /// The client has to take something first.
+    /// The client has to read something first.
     fn poll_late<T>(&mut self, context: &mut Context<'_>) -> Poll<io::Result<T>> {
         let within = self.within;
         let (until, _) = self.waiting.get_or_insert_with(|| (Box::pin(sleep(within)), 0));
@@ -84,7 +84,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Taking<S> {
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        // It is asked for when nothing is left to be written.
+        // Flushing is requested when nothing is left to be written.
         match Pin::new(&mut self.stream).poll_flush(cx) {
             Poll::Ready(done) => {
                 self.waiting = None;

@@ -427,7 +427,7 @@ fn the_reference_has_every_metric_as_it_is_served() {
     assert_eq!(written, right, "right is:\n{}", right.join("\n"));
 }
 
-/// The words of `text` that begin like a metric.
+/// The words of `text` that begin like the name of a metric.
 fn named_in(text: &str) -> BTreeSet<&str> {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
     words.filter(|word| word.starts_with(&format!("{}_", table::PREFIX))).collect()
@@ -456,7 +456,7 @@ fn every_alert_is_shown_to_fire() {
     }
 }
 
-/// Whoever shows the dashboard needs nothing beyond Grafana: its own panels, a source that is chosen.
+/// The dashboard needs nothing beyond Grafana: its own panels, and a data source that the user chooses.
 #[test]
 fn the_dashboard_needs_no_plugin_and_names_no_source() {
     let dashboard: serde_json::Value = serde_json::from_str(&delivered("grafana/dashboard.json")).unwrap();
@@ -496,7 +496,7 @@ fn who_says_nothing_or_stays_too_long_is_shown_the_door() {
         let mut silent = TcpStream::connect(address).await.unwrap();
         silent.write_all(b"GET /healthz HTT").await.unwrap();
         let mut rest = Vec::new();
-        // Whatever it is told, the end of the stream comes.
+        // Whatever it receives, the stream is closed.
         let _ = tokio::time::timeout(Duration::from_secs(5), silent.read_to_end(&mut rest)).await.unwrap();
         let address = serve(&state(false), Patience { connection: short, ..Patience::default() }).await;
         let mut idle = TcpStream::connect(address).await.unwrap();
@@ -534,7 +534,7 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
         tokio::task::spawn_local(socket.serve(Documents::new(Arc::clone(&state)), side));
         let connect = async || UnixStream::connect(&path).await.unwrap();
         assert_eq!(answer(connect().await, "GET", "/healthz", "").await.0, 200);
-        // What only the tools may do is found here and nowhere else.
+        // What only the tools may do is served here and nowhere else.
         let setup = "/api/v1/drives/nobody/setup";
         assert!(answer(connect().await, "GET", setup, "").await.1.contains("unknown_drive"));
         let address = serve(&state, Patience::default()).await;
@@ -545,7 +545,7 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
     assert!(!path.exists(), "it is gone with the task");
 }
 
-/// Whoever can open the lock can hold it, and no gateway would start.
+/// A process that can open the lock can hold it, and no gateway would start.
 #[test]
 fn the_lock_is_its_owners_alone() {
     let place = Dir::new();

@@ -1,7 +1,7 @@
-//! What goes over a line, as server-sent events for pages and for `vfd-gateway capture`.
+//! The traffic of a line, as server-sent events for the page and for `vfd-gateway capture`.
 //!
-//! An answer ends by itself before its connection does, and says so: whoever comes back with the number of the last record
-//! that he has seen goes on behind it.
+//! An answer ends by itself before its connection does, and says so: a client that returns with the number of the last
+//! record it has seen continues after that one.
 
 use super::answers::json;
 use super::state::State as Gateway;
@@ -28,11 +28,11 @@ use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::time::{Interval, MissedTickBehavior, interval};
 
-/// How often what has come is handed on: a person sees no difference, and the main thread is not woken by each frame.
+/// How often new records are sent: a person sees no difference, and the main thread is not woken by each frame.
 const EVERY: Duration = Duration::from_millis(50);
 /// Most records in one piece of an answer.
 const RECORDS_AT_ONCE: usize = 64;
-/// After this time in which nothing happened it is said that the line is still watched.
+/// After this time without records a heartbeat shows that the line is still watched.
 const ALIVE_EVERY: Duration = Duration::from_secs(2);
 /// How long an answer lasts: less than its connection may.
 const LASTS: Duration = Duration::from_secs(240);
@@ -87,7 +87,7 @@ impl Events {
         Self { gateway, listener, decoder, clock, ticks, begun, last_said, has_more, is_told, has_ended }
     }
 
-    /// What there is to say at `now`; empty if nothing.
+    /// The events at `now`; empty if there are none.
     fn piece(&mut self, now: MonoTime) -> String {
         let mut text = String::new();
         if !std::mem::replace(&mut self.is_told, true) {
@@ -142,7 +142,7 @@ impl HttpBody for Events {
     }
 }
 
-/// The record of `line` that `id` names; before the first one if it names another line, which had the name before.
+/// The record of `line` that `id` names; 0 if `id` is from an earlier line of the same name.
 fn number_in(id: &str, line: &SharedLine) -> Option<u64> {
     let (of, number) = id.split_once('.')?;
     let (of, number): (u16, u64) = (of.parse().ok()?, number.parse().ok()?);
@@ -166,7 +166,7 @@ fn facts(line: &SharedLine) -> LineFacts {
     LineFacts { framing: line.wiring.framing, drives: drives.collect() }
 }
 
-/// What the answer is about.
+/// The description of the line with which an answer begins.
 fn about(line: &SharedLine) -> Value {
     let framing = FRAMINGS.iter().find(|(_, framing)| *framing == line.wiring.framing).map(|(word, _)| *word);
     let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
@@ -183,9 +183,9 @@ fn about(line: &SharedLine) -> Value {
     })
 }
 
-/// The wall clock as it was when the answer began: moments keep their distances although that may be set meanwhile.
+/// The wall clock as of the beginning of the answer: intervals stay right although the clock may be set meanwhile.
 struct WallClock {
-    /// Microseconds that it was ahead of the monotonic one.
+    /// Microseconds that it was ahead of the monotonic clock.
     ahead_us: i64,
 }
 

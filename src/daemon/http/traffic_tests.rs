@@ -1,4 +1,4 @@
-//! Whoever watches a line over HTTP gets what goes over it, in order, and is told what he has missed.
+//! A client that watches a line over HTTP gets its traffic in order, and is told how much it has missed.
 
 use super::connections::{self, Patience};
 use super::routes;
@@ -53,7 +53,7 @@ async fn serve(state: &Arc<State>) -> SocketAddr {
     address
 }
 
-/// Somebody who watches.
+/// A watching client.
 struct Watcher {
     stream: TcpStream,
     text: String,
@@ -67,7 +67,7 @@ impl Watcher {
         Self { stream, text: String::new() }
     }
 
-    /// Reads until `wanted` has come.
+    /// Reads until `wanted` has arrived.
     async fn until(&mut self, wanted: &str) -> &str {
         let mut bytes = [0; 4096];
         while !self.text.contains(wanted) {

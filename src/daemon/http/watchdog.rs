@@ -1,4 +1,4 @@
-//! The drive's own watchdog, set by `vfd-gateway watchdog` and by nothing else.
+//! Sets the drive's own watchdog, for `vfd-gateway watchdog` only.
 
 use super::setup::outcome;
 use crate::daemon::exchange::shared::SharedDrive;
@@ -11,8 +11,8 @@ use std::time::Duration;
 /// Longest time for the read before.
 const READ_WITHIN: Duration = Duration::from_secs(5);
 
-/// Sets the watchdog of `drive` to exactly `time`, or off without one, and tells what became of it. What was there before
-/// is read first, because the log has to say it; a drive that does not show that is not set.
+/// Sets the watchdog of `drive` to exactly `time`, or off if `None`, and reports the outcome. The old value is read
+/// first, because it is logged; a drive that does not return it is not set.
 pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Duration>) -> Value {
     let (description, model) = (&drive.description, &*drive.description.model);
     let (name, place) = (description.name.as_str(), description.place);

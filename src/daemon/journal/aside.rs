@@ -5,15 +5,15 @@ use crate::domain::time::WallTime;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Most files that are moved aside. A disk that damages one after the other must not be filled with them.
+/// Most files that are moved aside: a failing disk must not be filled with damaged files.
 const ASIDE_MAX: usize = 8;
-/// What belongs to a database: itself, its log, the index of that.
+/// The files of a database: itself, its log, the log's index.
 const PARTS: [&str; 3] = ["", "-wal", "-shm"];
 
-/// Moves the database at `path` and what belongs to it aside. Returns where it is now.
+/// Moves the database at `path` and its other files aside. Returns the new path.
 ///
 /// # Errors
-/// The system's, or that too many lie there already; then it stays.
+/// The system's, or too many files were moved aside already; then it stays.
 pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
     let lying = damaged_beside(path)?;
     if lying >= ASIDE_MAX {
@@ -26,10 +26,10 @@ pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
         0 => PathBuf::from(format!("{}.damaged-{moment}", path.display())),
         _ => PathBuf::from(format!("{}.damaged-{moment}-{count}", path.display())),
     };
-    // The lock of the data directory is ours, so nobody else makes one meanwhile.
+    // We hold the lock of the data directory, so no other process creates one meanwhile.
     let target = (0..=ASIDE_MAX).map(target).find(|target| !target.exists());
     let target = target.ok_or_else(|| io::Error::other("no name is free"))?;
-    // The file itself may be what is missing.
+    // The main file may be the missing one.
     for part in PARTS {
         let (from, to) = (format!("{}{part}", path.display()), format!("{}{part}", target.display()));
         match std::fs::rename(from, to) {

@@ -14,11 +14,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::Duration;
 
-/// How long a write waits for somebody else's, such as a person with a tool of SQLite's own.
+/// How long a write waits for another process, such as a person with SQLite's own shell.
 const BUSY_WAIT: Duration = Duration::from_millis(100);
-/// Most cuts after one write: a journal that is much too large shrinks by and by.
+/// Most cuts after one write: a journal that is much too large shrinks gradually.
 const CUTS_MAX: usize = 4;
-/// The log is emptied by the writer itself beyond this size.
+/// Beyond this size the writer empties the log itself.
 const LOG_BYTES_MAX: u64 = 16 * 1024 * 1024;
 /// Pages that go back to the file system at once.
 const PAGES_FREED: u32 = 256;
@@ -26,9 +26,9 @@ const PAGES_FREED: u32 = 256;
 /// Why a database cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Broken {
-    /// What is in it can never be used.
+    /// Its contents can never be used.
     Damaged(String),
-    /// The system refuses. That may pass.
+    /// The system refuses, perhaps only for now.
     Refused(String),
 }
 
@@ -45,19 +45,19 @@ impl From<Error> for Broken {
 #[derive(Debug)]
 pub struct Database {
     connection: Connection,
-    /// Tells the numbers of this file from those of another one.
+    /// Distinguishes the numbers of this file from those of another one.
     session: String,
     last_event: u64,
     last_availability: u64,
-    /// Rows of the audit that were there before this life of the gateway.
+    /// Rows of the audit from before this start of the gateway.
     audit_base: u64,
     is_synced: bool,
-    /// A write failed before this file was opened again: some of it may stand there all the same.
+    /// A write failed before this file was opened again: some of it may have been written.
     is_in_doubt: bool,
     most_bytes: u64,
 }
 
-/// Up to where a file was surely written.
+/// Up to where a file is known to be written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mark {
     session: String,
@@ -65,30 +65,30 @@ pub struct Mark {
     last_availability: u64,
 }
 
-/// What was taken over from a damaged database.
+/// What was recovered from a damaged database.
 #[derive(Debug, Default)]
 pub struct TakenOver {
     /// Rows of all tables.
     pub rows: usize,
-    /// Of these: events that nobody has taken.
+    /// Of these: events that no broker has taken.
     pub waiting: usize,
-    /// What is lost, for people.
+    /// What is lost, as text.
     pub lost: Vec<String>,
 }
 
-/// What was found in a database.
+/// What an opened database contained.
 #[derive(Debug, Default)]
 pub struct DatabaseState {
     /// What is remembered of each drive.
     pub memory: BTreeMap<Name, Remembered>,
-    /// Drives of which what is remembered is damaged.
+    /// Drives whose remembered state is damaged.
     pub damaged: Vec<String>,
     /// The configuration with which the gateway ran last.
     pub configuration: Option<String>,
 }
 
 impl Database {
-    /// Opens the database at `path`, or makes it, of at most `most_bytes`. A new one is called `session`.
+    /// Opens or creates the database at `path`, with at most `most_bytes`. A new one is called `session`.
     ///
     /// # Errors
     /// [`Broken`].
@@ -119,20 +119,20 @@ impl Database {
         Ok((database, found))
     }
 
-    /// Begins to count the audit where another file of this life of the gateway did.
+    /// Counts the audit from where an earlier file of this start of the gateway began.
     pub const fn count_audit_from(&mut self, base: u64) {
         self.audit_base = base;
     }
 
-    /// Up to where it was surely written.
+    /// Up to where it is known to be written.
     #[must_use]
     pub fn mark(&self) -> Mark {
         let Self { last_event, last_availability, .. } = *self;
         Mark { session: self.session.clone(), last_event, last_availability }
     }
 
-    /// Goes on at `mark`, if that is of this file: a write behind it failed, and whether it is there is not known. What
-    /// the system could not bring to the disk it may take for written: therefore the log is emptied first.
+    /// Continues at `mark`, if that is of this file: a write after it failed and may or may not have been stored. The
+    /// system may believe data written that never reached the disk: therefore the log is emptied first.
     ///
     /// # Errors
     /// SQLite's.
@@ -146,17 +146,17 @@ impl Database {
         Ok(())
     }
 
-    /// Rows of the audit that were there before this life of the gateway.
+    /// Rows of the audit from before this start of the gateway.
     #[must_use]
     pub const fn audit_base(&self) -> u64 {
         self.audit_base
     }
 
-    /// Writes what waits in `book` and the numbers of events that were `taken`, all or nothing. With a trip in it, it is
-    /// on the disk afterwards; else it outlives the process.
+    /// Writes what waits in `book` and the numbers of events that were `taken`, in one transaction. With a trip in it,
+    /// it is synced to the disk; otherwise it only outlives the process.
     ///
     /// # Errors
-    /// SQLite's; nothing was written, as far as that is known.
+    /// SQLite's; as far as is known, nothing was written.
     pub fn write(&mut self, book: &Book, taken: &BTreeSet<u64>) -> Result<(), Error> {
         if self.is_synced != book.has_trip() {
             let mode = if book.has_trip() { "FULL" } else { "NORMAL" };
@@ -207,7 +207,7 @@ impl Database {
         Ok(())
     }
 
-    /// Notes with which configuration the gateway runs now.
+    /// Stores the digest of the configuration in force.
     ///
     /// # Errors
     /// SQLite's.
@@ -215,7 +215,7 @@ impl Database {
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES ('configuration', ?)", [digest]).map(drop)
     }
 
-    /// At most `most` events behind `after` that were not taken, and whether there are more.
+    /// At most `most` events after `after` that were not taken, and whether there are more.
     ///
     /// # Errors
     /// SQLite's.
@@ -223,8 +223,9 @@ impl Database {
         events::waiting(&self.connection, after, most)
     }
 
-    /// Takes over the sound rows of a database that was moved aside, as far as they can be read; what stands behind `mark` is
-    /// still to be written. Events that nobody has taken are to be told again. Returns what was taken over and what is lost.
+    /// Recovers the sound rows of a database that was moved aside, as far as they can be read; rows after `mark` are
+    /// still to be written. Events that no broker has taken are published again. Returns what was recovered and what is
+    /// lost.
     ///
     /// # Errors
     /// SQLite's, of this database.
@@ -238,7 +239,7 @@ impl Database {
             let last = mark.and_then(|mark| match table {
                 Table::Event => Some(mark.last_event),
                 Table::Availability => Some(mark.last_availability),
-                // The book has what may be missing, under the same numbers.
+                // The book has the rows that may be missing, under the same numbers.
                 Table::Audit => None,
             });
             rows.retain(|row| last.is_none_or(|last| row.number <= last));
@@ -265,7 +266,7 @@ impl Database {
         Ok(taken_over)
     }
 
-    /// Cuts what gives way if the journal is nearly full. Returns the size of its file in bytes.
+    /// Deletes old rows if the journal is nearly full. Returns the size of its file in bytes.
     ///
     /// # Errors
     /// SQLite's.
@@ -298,8 +299,8 @@ impl Database {
         Ok(number(&self.connection, "page_count")? * page)
     }
 
-    /// Empties the write-ahead log if it has grown though it was emptied beside: somebody reads without an end, or writes
-    /// come without a pause.
+    /// Empties the write-ahead log if it has grown although another thread empties it: a reader never finishes, or
+    /// writes never pause.
     ///
     /// # Errors
     /// SQLite's.
@@ -341,11 +342,11 @@ fn found(connection: &Connection) -> Result<DatabaseState, Error> {
     Ok(found)
 }
 
-/// What the damaged file at `path` remembers of the drives, as far as it can be read and is sound.
+/// The remembered state of drives in the damaged file at `path`, as far as it can be read and is sound.
 #[must_use]
 pub fn rescued(path: &Path) -> BTreeMap<Name, Remembered> {
     let mut found = DatabaseState::default();
-    // What was read before an error is sound all the same.
+    // What was read before an error is still sound.
     let connection = reader::connect(path).or_else(|_| reader::salvage(path));
     let _ = connection.and_then(|connection| remembered(&connection, &mut found));
     found.memory

@@ -1,4 +1,4 @@
-//! Trip events in the database: given a number, read again until they are taken, rescued from a damaged file.
+//! Trip events in the database: numbered, read until they are taken, recovered from a damaged file.
 
 use super::reader::{self, ReadRow};
 use crate::domain::ids::Name;
@@ -8,14 +8,14 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Whoever is told of events has this one.
+/// The broker has taken this one.
 pub const TAKEN: u8 = 1;
-/// This one is damaged: it is shown as such and cannot be told.
+/// This one is damaged: it is shown as such and cannot be published.
 const DAMAGED: u8 = 2;
-/// Most events that are rescued from a damaged file.
+/// Most events that are recovered from a damaged file.
 const RESCUED_MAX: usize = 1024;
 
-/// `event` as a row with its number, which is told with it, and so is the file that gave it.
+/// `event` with its number and the name of the file that assigned it, as it is published.
 #[must_use]
 pub fn row(event: &NewEvent, number: u64, session: &str) -> Row {
     let mut body = event.body.clone();
@@ -36,8 +36,8 @@ pub fn mark(connection: &Connection, numbers: &BTreeSet<u64>, mark: u8) -> Resul
     Ok(())
 }
 
-/// At most `most` events behind `after` that were not taken, and whether there are more. Damaged ones are passed over
-/// for good.
+/// At most `most` events after `after` that were not taken, and whether there are more. Damaged ones are marked and
+/// skipped from then on.
 ///
 /// # Errors
 /// SQLite's.
@@ -53,7 +53,7 @@ pub fn waiting(connection: &Connection, after: u64, most: usize) -> Result<(Vec<
         mark(connection, &damaged, DAMAGED)?;
         let still = unread(connection, after, most + 1)?;
         if still.iter().any(|seen| damaged.contains(&seen.number())) {
-            // It would be found for ever.
+            // Otherwise it would be found again for ever.
             return Err(reader::out_of_order(Table::Event));
         }
     }
@@ -84,7 +84,7 @@ pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
         let Ok(seen) = unread(&connection, after, 16) else { break };
         let before = rows.len();
         let sound = seen.into_iter().filter_map(|seen| if let ReadRow::Sound(row) = seen { Some(row) } else { None });
-        // A damaged index leads in circles.
+        // A damaged index can loop.
         rows.extend(sound.filter(|row| row.number > after));
         if rows.len() == before {
             break;

@@ -1,4 +1,4 @@
-//! The way to the journal's writer. Whoever has something to be kept puts it here and never waits.
+//! The inbox of the journal's writer. Adding to it never blocks.
 
 use super::origin::Origin;
 use crate::domain::ids::Name;
@@ -13,35 +13,35 @@ use tokio::sync::oneshot;
 
 /// Refused attempts and other rows that may wait.
 pub const ROWS_MAX: usize = 8192;
-/// Further room for what became of commands.
+/// Further room for outcomes of commands.
 pub const ENDS_MAX: usize = 4096;
-/// Further room for trips, stops, leases and whatever else must not be lost.
+/// Further room for trips, stops, leases and other rows that must not be lost.
 pub const VITAL_MAX: usize = 8192;
 
-/// Something for the writer.
+/// A message to the writer.
 #[derive(Debug)]
 pub enum Post {
-    /// A line says that this should be kept.
+    /// A row of a line.
     Keep(Arc<Origin>, Keep),
-    /// A north side refused an attempt: the number of that side, the drive if one was named, and when.
+    /// An attempt that a north side refused: the number of that side, the drive if one was named, and when.
     Attempt(u64, Option<Name>, MonoTime, Attempt),
-    /// Something came or went.
+    /// A change of availability.
     Note(Row),
-    /// The MQTT side has room for the events behind this one.
+    /// The MQTT side has room for the events after this one.
     WantEvents(u64),
     /// The broker has this event.
     EventTaken(u64),
-    /// The check of the whole file has found this.
+    /// Problems found by the check of the whole file.
     Checked(Vec<String>),
-    /// No row is about these drives any more.
+    /// Drives that no row mentions any more.
     Unused(Vec<Name>),
-    /// What is remembered of each drive by now is asked for.
+    /// A request for the remembered state of each drive.
     Memory(oneshot::Sender<BTreeMap<Name, Remembered>>),
-    /// The gateway ends.
+    /// The gateway shuts down.
     Close,
 }
 
-/// How many posts may lie before one of this kind.
+/// How many posts may wait before one of this kind.
 fn room_for(post: &Post) -> usize {
     let attempt = |attempt: &Attempt| match (is_stop(&attempt.tried), attempt.report) {
         (true, _) => ROWS_MAX + ENDS_MAX + VITAL_MAX,
@@ -77,7 +77,7 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// Puts `post` in, or counts it as lost if there is no room.
+    /// Adds `post`, or counts it as lost if there is no room.
     pub fn put(&self, post: Post) {
         let mut queue = self.lock();
         queue.is_closed |= matches!(post, Post::Close);
@@ -94,8 +94,8 @@ impl Inbox {
         }
     }
 
-    /// Waits for posts, at most for `within`, and exchanges them for the empty `batch`. Returns how many were lost since
-    /// the last time, and whether the end was told.
+    /// Waits for posts, at most for `within`, and swaps them for the empty `batch`. Returns how many were lost since
+    /// the last call, and whether the journal is to be closed.
     pub fn take(&self, batch: &mut Vec<Post>, within: Option<Duration>) -> (Lost, bool) {
         let queue = self.lock();
         let is_empty = |queue: &mut Queue| queue.posts.is_empty() && !queue.is_closed;

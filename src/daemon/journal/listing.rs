@@ -1,4 +1,4 @@
-//! Rows of the journal as they are shown: JSON, CSV, words for people.
+//! Rows of the journal as they are shown: JSON, CSV, plain text.
 
 use super::reader::ReadRow;
 use crate::domain::calendar::rfc3339;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 /// The columns of CSV.
 pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,count,body\n";
 
-/// A row as JSON; with its words for people if `has_text`.
+/// A row as JSON; with its plain text if `has_text`.
 #[must_use]
 pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
     let (table, number) = (table.name(), seen.number());
@@ -24,7 +24,7 @@ pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
     shown
 }
 
-/// A row as a line of CSV, with its end.
+/// A row as a line of CSV, with its line break.
 #[must_use]
 pub fn in_csv(table: Table, seen: &ReadRow) -> String {
     let ReadRow::Sound(row) = seen else { return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number()) };
@@ -41,7 +41,7 @@ pub fn in_csv(table: Table, seen: &ReadRow) -> String {
     fields.join(",") + "\n"
 }
 
-/// As RFC 4180 has it. A text that a spreadsheet would take for a formula is marked as text.
+/// Quotes a field as RFC 4180 requires. A text that a spreadsheet would take for a formula is marked as text.
 fn quoted(field: &str) -> String {
     let mark = if field.starts_with(['=', '+', '-', '@', '\t', '\r']) { "'" } else { "" };
     if mark.is_empty() && !field.contains([',', '"', '\n', '\r']) {
@@ -50,7 +50,7 @@ fn quoted(field: &str) -> String {
     format!("\"{mark}{}\"", field.replace('"', "\"\""))
 }
 
-/// A row as a line for people, with its end.
+/// A row as a line of plain text, with its line break.
 #[must_use]
 pub fn in_words(table: Table, seen: &ReadRow) -> String {
     match seen {
@@ -66,7 +66,7 @@ fn body(row: &Row) -> Value {
     serde_json::from_str(&row.body).unwrap_or(Value::Null)
 }
 
-/// What a row says, without when and about what.
+/// The text of a row, without time and name.
 fn words(row: &Row, body: &Value) -> String {
     let word = |key: &str| body[key].as_str().unwrap_or("?").to_owned();
     let times = match body["count"].as_u64() {
@@ -96,11 +96,11 @@ fn words(row: &Row, body: &Value) -> String {
             format!("{} {}{reason}", row.kind, word("state"))
         }
     };
-    // What a client sent as text must not move the cursor of whoever reads it.
+    // Text from a client must not control the reader's terminal.
     said.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
 }
 
-/// How control changed hands, and who is it about.
+/// How control changed hands, and whom it concerns.
 fn lease(body: &Value, owner: &str) -> String {
     match body["state"].as_str().unwrap_or("?") {
         "opened" => format!("{owner} holds control"),

@@ -1,9 +1,9 @@
 //! The journal on the disk: an SQLite database that one thread writes in groups.
 //!
-//! Lines and north sides put what is to be kept into the `inbox` and never wait. The `writer` takes all that lies there,
-//! writes it in one transaction, and tells each line up to which of its rows everything is kept. What cannot be written
-//! waits in its `Book`, which is bounded; control goes on. `teller` hands trip events to the MQTT side. `upkeep` looks
-//! whether the file is sound and empties its log, beside the writer.
+//! Lines and north sides put rows into the `inbox` and never wait. The `writer` takes all of them, writes them in one
+//! transaction, and reports to each line up to which row everything is kept. What cannot be written waits in its
+//! `Book`, which is bounded; control continues. `teller` passes trip events to the MQTT side. `upkeep` checks the file
+//! and empties its log, on another thread.
 
 mod aside;
 mod database;
@@ -55,9 +55,9 @@ pub const FILE_NAME: &str = "journal.db";
 pub struct Settings {
     /// The data directory.
     pub directory: PathBuf,
-    /// Most bytes of the file.
+    /// Maximum size of the file in bytes.
     pub max_bytes: u64,
-    /// What tells this configuration from others.
+    /// A digest of the configuration.
     pub configuration: String,
 }
 
@@ -69,14 +69,14 @@ pub struct Journal {
     status: Arc<Status>,
     sources: AtomicU64,
     known: writer::Known,
-    /// Closed when the writer has ended.
+    /// Closed when the writer has exited.
     ended: Mutex<Option<oneshot::Receiver<()>>>,
 }
 
 impl Journal {
-    /// Opens the journal, reads what is remembered of each drive, and starts to write. It always comes about: what cannot
-    /// be used is moved aside, and where nothing can be opened the newest rows are in memory until that is over. The
-    /// directory must be this process's alone.
+    /// Opens the journal, reads the remembered state of each drive, and starts the writer. A file that cannot be used
+    /// is moved aside; while none can be opened, the newest rows are kept in memory. No other process may use the
+    /// directory.
     ///
     /// # Errors
     /// The system's refusal to start a thread.
@@ -101,7 +101,7 @@ impl Journal {
         Ok((Arc::new(journal), memory))
     }
 
-    /// A line that has just started: its rows are numbered from 1. `inbox` is told what is kept.
+    /// Registers a line that has just started: its rows are numbered from 1. `inbox` is notified of what is kept.
     #[must_use]
     pub fn line(self: &Arc<Self>, name: Name, drives: Vec<DriveDescription>, inbox: Arc<LineInbox>) -> Source {
         let names = drives.iter().map(|drive| drive.name.clone());
@@ -110,7 +110,7 @@ impl Journal {
         Source { journal: Arc::clone(self), origin: Arc::new(origin) }
     }
 
-    /// A north side that refuses by itself; `current` knows the names of drives.
+    /// Registers a north side for attempts that it refuses itself; `current` has the names of drives.
     #[must_use]
     pub fn north(self: &Arc<Self>, current: Current) -> NorthSource {
         NorthSource { journal: Arc::clone(self), current, id: self.next_source() }
@@ -120,26 +120,26 @@ impl Journal {
         self.sources.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// What is remembered of each drive by now; nothing if the journal does not answer within `within`.
+    /// The remembered state of each drive; `None` if the journal does not answer within `within`.
     pub async fn memory(&self, within: Duration) -> Option<BTreeMap<Name, Remembered>> {
         let (tell, told) = oneshot::channel();
         self.inbox.put(Post::Memory(tell));
         tokio::time::timeout(within, told).await.ok()?.ok()
     }
 
-    /// Where it lies.
+    /// The path of its file.
     #[must_use]
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// How it is doing.
+    /// Its present state.
     #[must_use]
     pub fn report(&self) -> JournalReport {
         self.status.report()
     }
 
-    /// Writes what is left, and waits for that at most for `within`: a disk that hangs must not hold up the end.
+    /// Writes what is left, and waits for that at most for `within`: a disk that hangs must not hold up the shutdown.
     pub async fn close(&self, within: Duration) {
         self.inbox.put(Post::Note(row::ended(clock::wall())));
         self.inbox.put(Post::Close);
@@ -151,7 +151,7 @@ impl Journal {
     }
 }
 
-/// A line's way to the journal.
+/// A line's handle to the journal.
 #[derive(Clone, Debug)]
 pub struct Source {
     journal: Arc<Journal>,
@@ -159,31 +159,31 @@ pub struct Source {
 }
 
 impl Source {
-    /// Keeps what the line says.
+    /// Keeps a row of the line.
     pub fn keep(&self, keep: Keep) {
         self.journal.inbox.put(Post::Keep(Arc::clone(&self.origin), keep));
     }
 
-    /// Notes that the line can be used, or not any more.
+    /// Notes whether the line can be used.
     pub fn state(&self, report: &LineReport) {
         let note = row::line(clock::wall(), self.origin.line.as_str(), report.state, report.fault);
         self.journal.inbox.put(Post::Note(note));
     }
 
-    /// What its rows are told apart by, and whether they are kept.
+    /// The origin of its rows, which also shows what is kept.
     #[must_use]
     pub fn origin(&self) -> &Arc<Origin> {
         &self.origin
     }
 
-    /// Whether it makes sense to wait for a row: the journal can write.
+    /// Whether waiting for a row makes sense: the journal can write.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.journal.status.is_ok()
     }
 }
 
-/// A north side's way to the journal. No call waits.
+/// A north side's handle to the journal. No call blocks.
 #[derive(Clone, Debug)]
 pub struct NorthSource {
     journal: Arc<Journal>,
@@ -192,7 +192,8 @@ pub struct NorthSource {
 }
 
 impl NorthSource {
-    /// Keeps an attempt that no line saw; nothing for the drive: it was for all, or for none that exists.
+    /// Keeps an attempt that reached no line. `drive` is `None` if it was for all drives or for one that does not
+    /// exist.
     pub fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
         let shared = self.current.load();
         let find = |place| shared.drives.iter().find(|drive| drive.description.place == place);
@@ -200,19 +201,20 @@ impl NorthSource {
         self.journal.inbox.put(Post::Attempt(self.id, name, clock::now(), attempt));
     }
 
-    /// The broker has the event `seq`: it is not told again.
+    /// The broker has the event `seq`: it is not published again.
     pub fn event_taken(&self, seq: u64) {
         self.journal.inbox.put(Post::EventTaken(seq));
     }
 
-    /// The MQTT side wants the first events behind `after` that no broker has. It is answered once by
-    /// [`News::Events`](crate::daemon::exchange::answers::News::Events), when there are any. A later want takes the place of this one.
+    /// Requests the first events after `after` that no broker has. Answered once by
+    /// [`News::Events`](crate::daemon::exchange::answers::News::Events), when there are any. A later request replaces
+    /// this one.
     pub fn want_events(&self, after: u64) {
         self.journal.inbox.put(Post::WantEvents(after));
     }
 }
 
-/// Where the journal of the data directory `directory` is.
+/// The path of the journal in the data directory `directory`.
 #[must_use]
 pub fn file_in(directory: &Path) -> PathBuf {
     directory.join(FILE_NAME)

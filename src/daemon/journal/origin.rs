@@ -1,4 +1,4 @@
-//! Where rows come from: a line from its start to its end.
+//! The origin of rows: a line from its start to its end.
 
 use crate::daemon::exchange::inbox::Inbox as LineInbox;
 use crate::domain::ids::Name;
@@ -7,7 +7,7 @@ use crate::journal::RowNumber;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A line in one of its lives.
+/// A line from its start to its end.
 #[derive(Debug)]
 pub struct Origin {
     pub(super) id: u64,
@@ -15,7 +15,7 @@ pub struct Origin {
     /// In order.
     pub(super) drives: Vec<DriveDescription>,
     pub(super) inbox: Arc<LineInbox>,
-    /// Up to here all its rows are kept.
+    /// The number up to which all its rows are kept.
     pub(super) kept: AtomicU64,
 }
 

@@ -1,4 +1,4 @@
-//! Reads the journal beside the gateway that writes it: rows in their order, damaged ones shown as such.
+//! Reads the journal while a gateway writes it: rows in order, damaged ones shown as such.
 
 use crate::domain::ids::Name;
 use crate::domain::time::WallTime;
@@ -8,11 +8,11 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Rows that are read at once. No transaction is open between, so that a reader who pauses holds up nothing.
+/// Rows that are read at once. No transaction is open in between, so a reader that pauses holds up nothing.
 const PAGE: usize = 250;
-/// What SQLite keeps of the file for one reader, in KiB.
+/// SQLite's cache for one reader, in KiB.
 const CACHE_KIB: i64 = 512;
-/// The smallest page of a database. What is shorter than that SQLite takes for an empty one.
+/// The smallest page of a database. SQLite takes a shorter file for an empty database.
 pub const PAGE_BYTES_MIN: u64 = 512;
 /// How long a read waits for the writer.
 const BUSY_WAIT: Duration = Duration::from_secs(2);
@@ -20,9 +20,9 @@ const BUSY_WAIT: Duration = Duration::from_secs(2);
 /// A row as it was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ReadRow {
-    /// It is as it was written.
+    /// An intact row.
     Sound(Row),
-    /// It is not. Only its number is known.
+    /// A damaged row, of which only the number is known.
     Damaged(u64),
 }
 
@@ -40,7 +40,7 @@ impl ReadRow {
 /// The columns number, at, kind, name, body, crc of a row of `table`.
 ///
 /// # Errors
-/// There is no number.
+/// The row has no number.
 pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
     let number: u64 = row.get(0)?;
     let read = || {
@@ -68,24 +68,24 @@ pub fn connect(path: &Path) -> Result<Connection, Error> {
     };
     let log = PathBuf::from(format!("{}-wal", path.display()));
     open(path).or_else(|error| {
-        // Without a gateway there is no log, and in a directory that is not ours SQLite could not make one.
+        // Without a gateway there is no log, and in a directory without write access SQLite could not create one.
         if log.exists() { Err(error) } else { open(Path::new(&format!("file:{}?immutable=1", escaped(path)))) }
     })
 }
 
-/// Opens the damaged database at `path` for reading what is left of it.
+/// Opens the damaged database at `path`, to read what is left of it.
 ///
 /// # Errors
 /// SQLite's.
 pub fn salvage(path: &Path) -> Result<Connection, Error> {
     is_long_enough(path)?;
     let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY)?;
-    // SQLite reads a file that was cut short only for those who say that they repair it.
+    // SQLite reads a truncated file only with this pragma, which is intended for repairs.
     connection.pragma_update(None, "writable_schema", true)?;
     Ok(connection)
 }
 
-/// What is shorter than a page SQLite takes for an empty database, and removes its log.
+/// SQLite takes a file shorter than a page for an empty database, and removes its log.
 fn is_long_enough(path: &Path) -> Result<(), Error> {
     if std::fs::metadata(path).is_ok_and(|it| it.len() < PAGE_BYTES_MIN) {
         let what = "it is shorter than any database".to_owned();
@@ -98,7 +98,7 @@ fn escaped(path: &Path) -> String {
     path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
 }
 
-/// The row `number` of `table`; none if it is gone.
+/// The row `number` of `table`; `None` if it was deleted.
 ///
 /// # Errors
 /// SQLite's.
@@ -111,7 +111,7 @@ pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<
     }
 }
 
-/// The rows of one table, in the order of their numbers or against it.
+/// The rows of one table, in ascending or descending order of their numbers.
 #[derive(Debug)]
 pub struct Rows<'c> {
     connection: &'c Connection,
@@ -124,7 +124,7 @@ pub struct Rows<'c> {
 }
 
 impl<'c> Rows<'c> {
-    /// The rows behind number `after`, oldest first.
+    /// The rows after number `after`, oldest first.
     #[must_use]
     pub const fn after(connection: &'c Connection, table: Table, after: u64) -> Self {
         Self {
@@ -156,7 +156,7 @@ impl<'c> Rows<'c> {
         let rows = select.query_map((self.last, PAGE), |row| seen(self.table, row))?;
         for row in rows {
             let row = row?;
-            // A damaged index leads in circles.
+            // A damaged index can loop.
             if (row.number() > self.last) == self.is_backward || row.number() == self.last {
                 return Err(out_of_order(self.table));
             }
@@ -174,21 +174,21 @@ impl Iterator for Rows<'_> {
         if self.page.is_empty() && !self.has_failed {
             let read = self.read();
             self.has_failed = read.is_err();
-            // What was read before it is sound.
+            // What was read before the error is sound.
             self.failure = read.err();
         }
         self.page.pop_front().map(Ok).or_else(|| self.failure.take().map(Err))
     }
 }
 
-/// The numbers of `table` do not rise, as those of a sound one do.
+/// The error for a table whose numbers are not ascending.
 #[must_use]
 pub fn out_of_order(table: Table) -> Error {
     let what = format!("the rows of {} are out of order: the file is damaged", table.name());
     Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what))
 }
 
-/// Problems that a check of the whole file finds, as SQLite words them; none: it is sound.
+/// Problems that a check of the whole file finds, as SQLite words them; empty if it is sound.
 ///
 /// # Errors
 /// SQLite's: it could not be checked.
@@ -199,7 +199,7 @@ pub fn check(path: &Path) -> Result<Vec<String>, Error> {
     Ok(found.into_iter().filter(|line| line != "ok").collect())
 }
 
-/// The drives that are remembered although no row is about them any more.
+/// The drives that are remembered although no row mentions them any more.
 ///
 /// # Errors
 /// SQLite's.

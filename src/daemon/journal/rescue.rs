@@ -1,4 +1,4 @@
-//! What is left of a damaged journal: whether a file was cut short, and which of its rows are sound.
+//! What is left of a damaged journal: whether a file was truncated, and which of its rows are sound.
 
 use super::reader::{self, PAGE_BYTES_MIN, ReadRow, Rows};
 use crate::journal::{Row, Table};
@@ -7,27 +7,27 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// The beginning of a database, which says how long it is.
+/// The header of a database, which contains its length.
 const HEADER_BYTES: usize = 100;
-/// Most rows of one table that are taken over from a damaged file, the newest of those that can be read; and most that are looked
-/// at for that. It is done before the gateway serves, so it must not take long.
+/// Most rows of one table that are recovered from a damaged file, the newest that can be read; also the most that are
+/// examined for that. This happens before the gateway serves, so it must not take long.
 const RESCUED_MAX: usize = 10_000;
 const LOOKED_AT_MAX: usize = 100_000;
 
-/// What stands where the journal belongs.
+/// What exists at the journal's path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Standing {
-    /// Nothing: a new one begins.
+    /// No file: a new journal begins.
     New,
-    /// A file without a byte: a journal that was begun and never written, or one whose rows are lost.
+    /// An empty file: a journal that was created and never written, or one whose rows are lost.
     Empty,
-    /// A file that may be a sound one.
+    /// A file that may be a sound journal.
     Whole,
-    /// What cannot be one any more, and why.
+    /// A file that cannot be one, and why.
     Broken(String),
 }
 
-/// What stands at `path`, as far as its length tells.
+/// What exists at `path`, judged by its length.
 ///
 /// # Errors
 /// The system's.
@@ -40,12 +40,12 @@ pub fn standing(path: &Path) -> io::Result<Standing> {
         found => found?,
     };
     match found.len() {
-        // A pipe would be waited for.
+        // Opening a pipe would block.
         _ if !found.is_file() => broken("it is not a regular file"),
         0 if log == 0 => Ok(Standing::Empty),
         0 => broken("it is empty, but its log is not"),
         bytes if bytes < PAGE_BYTES_MIN => broken(&format!("it was cut to {bytes} bytes")),
-        // What is missing in the file may stand in its log.
+        // What is missing in the file may be in its log.
         _ if log > 0 => Ok(Standing::Whole),
         bytes => Ok(match bytes_of(path)? {
             Some(whole) if whole > bytes => Standing::Broken(format!("it was cut to {bytes} of {whole} bytes")),
@@ -54,7 +54,7 @@ pub fn standing(path: &Path) -> io::Result<Standing> {
     }
 }
 
-/// How many bytes the database at `path` says that it has, if it does.
+/// The length of the database at `path` according to its header, if that is valid.
 fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
     let mut header = [0; HEADER_BYTES];
     File::open(path)?.read_exact(&mut header)?;
@@ -64,17 +64,17 @@ fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
         Some([high, low]) => u64::from(u16::from_be_bytes([*high, *low])),
         _ => return Ok(None),
     };
-    // The number of pages is right if it was written with the last change.
+    // The number of pages is valid if it was written with the last change.
     let (change, pages, valid_for) = (number(24), number(28), number(92));
     Ok(pages.filter(|_| change == valid_for).map(|pages| u64::from(pages) * page))
 }
 
-/// What was read of one table.
+/// What could be read of one table.
 #[derive(Debug, Default)]
 pub struct Rescued {
     /// The newest of the sound rows that can be read, in order.
     pub rows: Vec<Row>,
-    /// Where it ends and why; none: all of it was read.
+    /// Where reading failed and why; `None` if all of it was read.
     pub lost: Option<String>,
 }
 

@@ -1,15 +1,15 @@
-//! The tables of the journal's database, how a new one is made and an older one brought up to date.
+//! The tables of the journal's database: creating them, and migrating older ones.
 
 use rusqlite::{Connection, Error, TransactionBehavior};
 
-/// The version of the tables, as `user_version` says it.
+/// The version of the tables, stored as `user_version`.
 pub const VERSION: i64 = 1;
 /// "VFDG": the database is a journal of ours.
 const APPLICATION: i64 = 0x5646_4447;
 /// Bytes of the write-ahead log that stay when it is emptied.
 const LOG_BYTES_KEPT: u64 = 4 * 1024 * 1024;
 
-/// Statements that bring the tables from each version to the next, oldest first.
+/// Statements that migrate the tables from each version to the next, oldest first.
 const STEPS: [&str; VERSION as usize] = ["
     CREATE TABLE event (
         number INTEGER PRIMARY KEY AUTOINCREMENT, at INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT,
@@ -25,20 +25,20 @@ const STEPS: [&str; VERSION as usize] = ["
     CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 "];
 
-/// What a file turned out to be.
+/// The kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Made {
     /// It was empty and has its tables now.
     New,
-    /// It had them, or has them now in their newest version.
+    /// It had them; they are in their newest version now.
     Found,
     /// It is a database of another program.
     Foreign,
-    /// Its tables are of a later version of this program.
+    /// Its tables are from a later version of this program.
     Newer(i64),
 }
 
-/// Makes or brings up to date the tables of `connection`.
+/// Creates or migrates the tables of `connection`.
 ///
 /// # Errors
 /// SQLite's.
@@ -54,12 +54,12 @@ pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
         return Ok(Made::Newer(version));
     }
     if is_new {
-        // Only before the first table: afterwards it would need the whole file to be written anew.
+        // Only before the first table: later it would require rewriting the whole file.
         connection.pragma_update(None, "auto_vacuum", "INCREMENTAL")?;
     }
     connection.pragma_update_and_check(None, "journal_mode", "WAL", |_| Ok(()))?;
     connection.pragma_update_and_check(None, "journal_size_limit", LOG_BYTES_KEPT, |_| Ok(()))?;
-    // By a thread of its own, so that no row waits for it.
+    // Done by a thread of its own, so that no row waits for it.
     connection.pragma_update_and_check(None, "wal_autocheckpoint", 0, |_| Ok(()))?;
     if version < VERSION {
         let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;

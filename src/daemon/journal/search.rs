@@ -1,4 +1,4 @@
-//! Finds rows of the journal: of which tables, about what, since when, how many.
+//! Finds rows of the journal by table, name, time and number.
 
 use super::reader::{ReadRow, Rows};
 use crate::domain::calendar::parse;
@@ -7,9 +7,9 @@ use crate::journal::Table;
 use rusqlite::{Connection, Error};
 use std::iter::Peekable;
 
-/// Most rows that one search for the newest looks at. A journal may hold millions.
+/// Most rows that one search for the newest examines. A journal may hold millions.
 const LOOKED_AT_MAX: usize = 200_000;
-/// So many rows of a table one behind the other that are too old end the search there. A few may be: the clock was set.
+/// This many consecutive rows of a table that are too old end the search there. A few may be, if the clock was set.
 const TOO_OLD_MAX: usize = 1000;
 
 /// Since when.
@@ -17,15 +17,15 @@ const TOO_OLD_MAX: usize = 1000;
 pub enum Since {
     /// A moment.
     At(WallTime),
-    /// So many milliseconds before now.
+    /// Milliseconds before now.
     Ago(i64),
 }
 
 impl Since {
-    /// The moment or time that `text` names.
+    /// Parses a time or a duration.
     ///
     /// # Errors
-    /// What would be right, for people.
+    /// What is expected, as text.
     pub fn parse(text: &str) -> Result<Self, String> {
         let ago = || {
             let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit())?);
@@ -54,7 +54,7 @@ impl Since {
     }
 }
 
-/// The tables that a word names; nothing if it is not known.
+/// The tables that a word names; `None` if it is unknown.
 #[must_use]
 pub fn tables(word: &str) -> Option<&'static [Table]> {
     Some(match word {
@@ -71,14 +71,14 @@ pub fn tables(word: &str) -> Option<&'static [Table]> {
 pub struct Wanted {
     /// Of which tables.
     pub tables: &'static [Table],
-    /// About this drive or line; nothing: about all.
+    /// About this drive or line; `None` for all.
     pub drive: Option<String>,
-    /// Since this moment; nothing: all.
+    /// Since this moment; `None` for all.
     pub since: Option<WallTime>,
 }
 
 impl Wanted {
-    /// Whether a row is. A damaged one always is: nobody knows what it was about.
+    /// Whether a row is wanted. A damaged one always is: what it was about is unknown.
     #[must_use]
     pub fn wants(&self, seen: &ReadRow) -> bool {
         let ReadRow::Sound(row) = seen else { return true };
@@ -92,7 +92,7 @@ impl Wanted {
     }
 }
 
-/// The rows of several tables by their moments. Each table stays in its own order, whatever the clock did.
+/// The rows of several tables, merged by time. Each table stays in its own order, whatever the clock did.
 #[derive(Debug)]
 pub struct Merged<'c>(Vec<(Table, Peekable<Rows<'c>>)>);
 
@@ -125,11 +125,11 @@ impl Iterator for Merged<'_> {
 pub struct SearchResult {
     /// Tables and numbers of the rows, oldest first. The rows themselves may be many and long.
     pub rows: Vec<(Table, u64)>,
-    /// Nothing older that is wanted was left out because the search took too long.
+    /// False if older rows may have been left out because the search took too long.
     pub is_complete: bool,
 }
 
-/// The newest `most` rows that are wanted. It begins at the newest, so that it costs little in a long journal.
+/// The newest `most` rows that are wanted. It starts at the newest, so it is cheap in a long journal.
 ///
 /// # Errors
 /// SQLite's.
@@ -159,7 +159,7 @@ pub fn newest(connection: &Connection, wanted: &Wanted, most: usize) -> Result<S
 struct Backward<'c> {
     table: Table,
     rows: Peekable<Rows<'c>>,
-    /// How many rows one behind the other were too old.
+    /// Consecutive rows that were too old.
     too_old: usize,
 }
 
@@ -168,7 +168,7 @@ impl<'c> Backward<'c> {
         Self { table, rows: Rows::newest_first(connection, table).peekable(), too_old: 0 }
     }
 
-    /// By which the next row has its place among those of other tables.
+    /// The time by which the next row is merged with those of other tables.
     fn moment(&mut self) -> Option<i64> {
         Some(match self.rows.peek()? {
             Ok(ReadRow::Sound(row)) => row.at.unix_ms,

@@ -1,4 +1,4 @@
-//! How the journal is doing, for health and metrics.
+//! The state of the journal, for health and metrics.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -9,14 +9,14 @@ pub enum JournalState {
     /// They are.
     #[default]
     Ok,
-    /// They cannot be written at present. The newest are kept in memory and written when that is over.
+    /// They cannot be written at present. The newest are kept in memory and written later.
     Failed,
     /// No database could be opened since the start: the newest are in memory only.
     Memory,
 }
 
 impl JournalState {
-    /// The word as it is shown.
+    /// The word that is shown.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -27,14 +27,14 @@ impl JournalState {
     }
 }
 
-/// How the journal is doing.
+/// The state and the counts of the journal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JournalReport {
     /// Whether rows are kept.
     pub state: JournalState,
     /// Why not.
     pub reason: Option<String>,
-    /// A damaged journal was moved aside since the start: where it lies.
+    /// Where a damaged journal was moved to since the start, if one was.
     pub moved_aside: Option<String>,
     /// Rows written since the start.
     pub rows: u64,
@@ -61,7 +61,7 @@ pub struct JournalReport {
 pub struct Status(Mutex<JournalReport>);
 
 impl Status {
-    /// As it is now.
+    /// The present report.
     #[must_use]
     pub fn report(&self) -> JournalReport {
         self.lock().clone()

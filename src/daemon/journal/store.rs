@@ -1,5 +1,4 @@
-//! The database as long as it can be used, and what is done when it cannot: moved aside if it is damaged, tried again if
-//! the system refuses.
+//! The database while it can be used. A damaged one is moved aside; one that the system refuses is retried.
 
 use super::aside::move_aside;
 use super::database::{Broken, Database, DatabaseState, Mark, TakenOver, rescued};
@@ -14,32 +13,32 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Waits before another try, doubling.
+/// First wait before a retry; it doubles.
 const FIRST_WAIT: Duration = Duration::from_millis(200);
 /// The longest of them.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
-/// The database, or when it is tried again.
+/// The database, or when it is retried.
 #[derive(Debug)]
 pub struct Store {
     path: PathBuf,
     max_bytes: u64,
     status: Arc<Status>,
     database: Option<Database>,
-    /// The audit is numbered behind what the first database of this life held.
+    /// The audit is numbered after the rows that the first database of this start held.
     audit_base: Option<u64>,
     /// Up to where the file was written when it failed.
     mark: Option<Mark>,
     retry_at: MonoTime,
     wait: Duration,
-    /// What the journal itself has to say, for the next group.
+    /// Rows about the journal itself, for the next group.
     notes: Vec<Row>,
-    /// Another file took the place of the one that was there.
+    /// A new file has replaced the one that was there.
     has_begun_anew: bool,
 }
 
 impl Store {
-    /// Opens the database at `path`, and says what was found in it.
+    /// Opens the database at `path`. Returns what it contained as well.
     #[must_use]
     pub fn open(path: &Path, max_bytes: u64, status: &Arc<Status>) -> (Self, DatabaseState) {
         let mut store = Self {
@@ -55,12 +54,12 @@ impl Store {
             has_begun_anew: false,
         };
         let found = store.connect();
-        // What an earlier life has left is read even where nothing can be written.
+        // What an earlier run has left is read even if nothing can be written.
         let found = found.unwrap_or_else(|| DatabaseState { memory: rescued(path), ..DatabaseState::default() });
         (store, found)
     }
 
-    /// Opens it; a damaged one is moved aside first. Nothing: the system refuses.
+    /// Opens it; a damaged one is moved aside first. `None` if the system refuses.
     fn connect(&mut self) -> Option<DatabaseState> {
         let broken = match self.open_once() {
             Ok(found) => return Some(found),
@@ -84,7 +83,7 @@ impl Store {
         match standing(&self.path).map_err(|error| Broken::Refused(error.to_string()))? {
             Standing::New | Standing::Whole => {}
             Standing::Broken(what) => return Err(Broken::Damaged(what)),
-            // Said once, however often it cannot be opened.
+            // Noted once, however often it cannot be opened.
             Standing::Empty if !self.notes.is_empty() => {}
             Standing::Empty => {
                 let (now, file) = (clock::wall(), self.path.display().to_string());
@@ -104,13 +103,13 @@ impl Store {
         Ok(found)
     }
 
-    /// Something stands there that this process may never read.
+    /// Whether the path holds something that this process may never read.
     fn is_unreadable(&self) -> bool {
         let denied = |error: &io::Error| error.kind() == io::ErrorKind::PermissionDenied;
         self.path.is_dir() || std::fs::File::open(&self.path).is_err_and(|error| denied(&error))
     }
 
-    /// Moves the damaged file aside. What it has of events that nobody took goes into the next one.
+    /// Moves the damaged file aside. Its events that no broker has taken are copied into the new one.
     fn begin_anew(&mut self, reason: &str) -> io::Result<PathBuf> {
         self.leave();
         let now = clock::wall();
@@ -128,7 +127,7 @@ impl Store {
                     if is_first {
                         self.audit_base = Some(database.audit_base());
                     } else {
-                        // The audit of this life goes on under its own numbers.
+                        // The audit of this run continues under its own numbers.
                         database.count_audit_from(self.audit_base.unwrap_or_default());
                     }
                     told += &format!("; {rows} rows recovered");
@@ -138,14 +137,14 @@ impl Store {
                 }
                 Err(error) => tracing::error!(%error, "cannot recover rows of the damaged journal"),
             },
-            // It is tried again, and says then why.
+            // It is retried, and the reason is logged then.
             _ => self.database = None,
         }
         self.notes.push(row::begun_anew(now, &told, Some(&lies_at)));
         Ok(aside)
     }
 
-    /// Closes the database, and notes up to where it was written.
+    /// Closes the database, and stores up to where it was written.
     fn leave(&mut self) {
         if let Some(database) = self.database.take() {
             self.mark = Some(database.mark());
@@ -168,25 +167,25 @@ impl Store {
         });
     }
 
-    /// When it is tried again; nothing: it works.
+    /// When it is retried; `None` if it works.
     #[must_use]
     pub fn retry_at(&self) -> Option<MonoTime> {
         let is_broken = self.database.is_none() || !self.status.is_ok();
         is_broken.then_some(self.retry_at)
     }
 
-    /// Whether it has something to write of its own.
+    /// Whether it has rows of its own to write.
     #[must_use]
     pub const fn has_news(&self) -> bool {
         self.has_begun_anew || !self.notes.is_empty()
     }
 
-    /// Writes what waits. False: it cannot, and is not tried before [`retry_at`](Self::retry_at).
+    /// Writes what waits. Returns false if it cannot; it is not retried before [`retry_at`](Self::retry_at).
     pub fn write(&mut self, book: &mut Book, taken: &BTreeSet<u64>) -> bool {
         if self.retry_at().is_some_and(|at| clock::now() < at) {
             return false;
         }
-        // Once more if it proves damaged: the next one is new.
+        // Twice: if the first proves damaged, the second is new.
         for _ in 0..2 {
             if self.database.is_none() && self.connect().is_none() {
                 return false;
@@ -213,7 +212,7 @@ impl Store {
         false
     }
 
-    /// The file is damaged: another one takes its place.
+    /// Replaces a damaged file with a new one.
     pub fn give_up(&mut self, reason: &str) {
         if let Err(error) = self.begin_anew(reason) {
             self.failed(format!("{reason}; it cannot be moved aside: {error}"));
@@ -233,7 +232,7 @@ impl Store {
         self.database.as_mut()
     }
 
-    /// A read or a cut failed for this reason.
+    /// Handles the failure of a read or a cut.
     pub fn troubled(&mut self, error: rusqlite::Error) {
         match Broken::from(error) {
             Broken::Refused(reason) => self.failed(reason),

@@ -1,4 +1,4 @@
-//! Trip events on their way to the MQTT side: it asks when it has room, and is answered once when there are any.
+//! Passes trip events to the MQTT side, which requests them when it has room and is answered once when there are any.
 
 use super::store::Store;
 use crate::daemon::exchange::answers::{AnswerBox, News};
@@ -8,26 +8,26 @@ use std::sync::Arc;
 /// Most events in one answer.
 const TOLD_MAX: usize = 16;
 
-/// Tells events to the MQTT side.
+/// Passes events to the MQTT side.
 #[derive(Debug)]
 pub struct Teller {
-    /// Where to; nothing: there is no MQTT side, and events wait for one.
+    /// Where to; `None` without an MQTT side: events then wait for one.
     mqtt: Option<Arc<AnswerBox>>,
     changed: Arc<Bell>,
-    /// Events behind this one are wanted.
+    /// The number after which events are requested.
     wanted: Option<u64>,
-    /// There may be some that were not there when it was looked last.
+    /// There may be new events since the last look.
     is_due: bool,
 }
 
 impl Teller {
-    /// Nobody has asked.
+    /// Without a request so far.
     #[must_use]
     pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Bell>) -> Self {
         Self { mqtt, changed, wanted: None, is_due: false }
     }
 
-    /// The MQTT side has room for the events behind `after`. This takes the place of what was wanted before.
+    /// The MQTT side has room for the events after `after`. Replaces an earlier request.
     pub const fn want(&mut self, after: u64) {
         (self.wanted, self.is_due) = (Some(after), true);
     }
@@ -37,7 +37,7 @@ impl Teller {
         self.is_due = true;
     }
 
-    /// Answers what was asked for, once there is something.
+    /// Answers the request, once there are events.
     pub fn serve(&mut self, store: &mut Store) {
         let (Some(after), true, Some(mqtt)) = (self.wanted, self.is_due, &self.mqtt) else { return };
         let Some(database) = store.database() else { return };

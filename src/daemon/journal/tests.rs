@@ -1,4 +1,4 @@
-//! The journal on a real disk: kept, found again, cut, moved aside, and while it cannot be written.
+//! The journal on a real disk: written, read again, cut, moved aside, and while it cannot be written.
 
 use super::database::Database;
 use super::inbox::Post;
@@ -110,7 +110,7 @@ impl Rig {
         until("the row is kept", || self.source.origin().has_kept(row).then_some(()));
     }
 
-    /// The events that the MQTT side is told, until there are so many.
+    /// The events that the MQTT side receives, until there are `count`.
     fn events(&self, count: usize) -> (Vec<StoredEvent>, bool) {
         let (mut batch, mut told, mut last) = (Vec::new(), Vec::new(), false);
         until("the events are told", || {
@@ -125,7 +125,7 @@ impl Rig {
         (told, last)
     }
 
-    /// As a kill would leave it: nothing is closed, and the file is not touched any more.
+    /// Leaves it as a kill would: nothing is closed, and the file is not touched any more.
     fn abandon(self, place: &Place) -> Place {
         let copy = Place::new();
         for name in ["journal.db", "journal.db-wal"] {
@@ -226,7 +226,7 @@ fn what_is_remembered_of_a_drive_is_found_again() {
     assert!(states.iter().filter(|body| body.contains("started")).count() >= 4, "{states:?}");
 }
 
-/// The gateway controls on, and what it is to do for its drives at the start it knows.
+/// The gateway goes on controlling, and knows what it has to do for its drives at the start.
 #[test]
 fn what_is_remembered_is_found_also_where_nothing_can_be_written() {
     let place = Place::new();
@@ -238,7 +238,7 @@ fn what_is_remembered_is_found_also_where_nothing_can_be_written() {
     rig.wait_for(row);
     rig.close();
     place.wait_for_file();
-    // Somebody else reads it, and has left no log that could be written: such a lock holds for root, too.
+    // Another process reads it, and has left no writable log: such a lock holds for root, too.
     let other = rusqlite::Connection::open(place.file()).unwrap();
     other.execute_batch("PRAGMA journal_mode = DELETE; BEGIN").unwrap();
     other.query_row("SELECT count(*) FROM drive", [], |_| Ok(())).unwrap();
@@ -274,7 +274,7 @@ fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
     until("in the file too", || reader::unused_drives(&place.file()).unwrap().is_empty().then_some(()));
 }
 
-/// The system may say that a write failed when all of it is there.
+/// The system may report a failed write although all of it is stored.
 #[test]
 fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     let place = Place::new();
@@ -448,7 +448,7 @@ fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
     let mut rig = Rig::start(&place);
     let row = rig.trip(4);
     rig.wait_for(row);
-    // If the start did not meet the damage, the check of the whole file does.
+    // If the start did not find the damage, the check of the whole file does.
     until("it is moved aside", || rig.journal.report().moved_aside);
     assert_eq!(rig.memory[&name()].trips_total, 3);
     rig.north.want_events(0);
@@ -460,7 +460,8 @@ fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
     assert_eq!(sound(place.rows(Table::Event)).iter().map(|row| row.number).collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
 }
 
-/// The sound rows of a table that can be read at `path`, which may be damaged. It ends whatever is there.
+/// The sound rows of a table that can be read at `path`, which may be damaged. It terminates whatever the file
+/// contains.
 fn readable(path: &Path, table: Table, most: usize) -> Vec<Row> {
     let Ok(connection) = reader::salvage(path) else { return Vec::new() };
     let rows: Vec<_> = Rows::after(&connection, table, 0).take(most + 1).collect();
@@ -565,7 +566,7 @@ fn a_journal_that_cannot_be_written_keeps_the_newest_and_goes_on_by_itself() {
     rig.trip(1);
     assert_eq!(rig.events(1).0[0].seq, 1);
     rig.north.want_events(1);
-    // Somebody else holds it.
+    // Another process holds it.
     let other = rusqlite::Connection::open(place.file()).unwrap();
     other.execute_batch("BEGIN IMMEDIATE").unwrap();
     let row = rig.trip(2);

@@ -1,5 +1,5 @@
-//! What is done to the database beside the writer: the check of the whole file once after the start, and its log emptied
-//! into it from time to time.
+//! Work on the database outside the writer: one check of the whole file after the start, and emptying its log from time
+//! to time.
 
 use super::inbox::{Inbox, Post};
 use super::reader;
@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// The check begins when what the gateway is there for has begun.
+/// The check begins once the gateway is serving.
 const CHECK_AFTER: Duration = Duration::from_secs(2);
 
-/// Starts the thread. It empties the log whenever something is sent, and ends when the sender is dropped.
+/// Starts the thread. It empties the log whenever something is sent, and exits when the sender is dropped.
 ///
 /// # Errors
 /// The system's refusal to start a thread.

@@ -1,4 +1,4 @@
-//! The thread that writes: all that waits in one transaction, then everybody is told.
+//! The writer thread: it writes all that waits in one transaction, then reports what is kept.
 
 use super::database::{Database, DatabaseState};
 use super::inbox::{Inbox, Post};
@@ -20,13 +20,14 @@ use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// A line whose inbox was full is told again after this time.
+/// A line whose inbox was full is notified again after this time.
 const TELL_AGAIN: Duration = Duration::from_millis(5);
-/// Groups and rows after which the log is emptied: some MB of it. Seldom, since a trip of that moment shares the disk.
+/// Groups and rows after which the log is emptied: some MB. Seldom, since a trip at that moment shares the disk.
 const EMPTY_AFTER: (u64, u64) = (256, 4096);
-/// Rows after which is looked whether the journal is full.
+/// Rows after which the size of the journal is checked.
 const CUT_AFTER: u64 = 64;
-/// Most marks of taken events that wait to be written. A lost one is told again after the next start.
+/// Most marks of taken events that wait to be written. An event whose mark is lost is published again after the next
+/// start.
 const TAKEN_MAX: usize = 1024;
 
 /// Writes the journal.
@@ -40,24 +41,24 @@ pub struct Writer {
     teller: Teller,
     upkeep: SyncSender<()>,
     taken: BTreeSet<u64>,
-    /// The newest row of each line that is in the book, and that it is to be told of.
+    /// The newest row of each line that is in the book, of which the line is to be notified.
     rows: BTreeMap<u64, (Arc<Origin>, RowNumber)>,
     to_tell: BTreeMap<u64, (Arc<Origin>, RowNumber)>,
     /// Groups and rows since the log was emptied.
     since_emptied: (u64, u64),
-    /// Rows since it was looked whether the journal is full.
+    /// Rows since the size of the journal was checked.
     since_cut: u64,
-    /// What was lost since the journal last said so.
+    /// Rows lost since the last row that says so.
     lost: u64,
     configuration: Option<String>,
     known: Known,
 }
 
-/// The drives of all lines of this life.
+/// The drives of all lines since the start.
 pub type Known = Arc<Mutex<BTreeSet<Name>>>;
 
 impl Writer {
-    /// A writer that goes on where `found` ends.
+    /// A writer that continues from `found`.
     pub fn new(
         store: Store,
         found: DatabaseState,
@@ -92,13 +93,13 @@ impl Writer {
         }
     }
 
-    /// The drives that it must not forget, whatever it says of them.
+    /// The drives that it must not forget, even without rows about them.
     #[must_use]
     pub fn known(&self) -> Known {
         Arc::clone(&self.known)
     }
 
-    /// Writes until the gateway ends.
+    /// Writes until the gateway shuts down.
     pub fn run(mut self, configuration: &str) {
         self.begin(configuration);
         let mut batch = Vec::new();
@@ -121,7 +122,7 @@ impl Writer {
         }
     }
 
-    /// The start of the gateway is a row of its own, and what an earlier life has left is marked as found.
+    /// Adds a row for the start of the gateway, and marks what an earlier run has left as found.
     fn begin(&mut self, configuration: &str) {
         let has_changed = self.configuration.as_deref().is_some_and(|last| last != configuration);
         self.book.note(row::started(clock::wall(), env!("CARGO_PKG_VERSION"), configuration, has_changed));
@@ -173,7 +174,7 @@ impl Writer {
                 drives.iter().filter(|drive| !known.contains(*drive)).for_each(|drive| self.book.forget(drive));
             }
             Post::Memory(tell) => {
-                // Whoever has asked may have given up.
+                // The requester may have given up.
                 let _ = tell.send(self.book.all_memory().clone());
             }
             Post::Close => {}
@@ -185,7 +186,7 @@ impl Writer {
         self.lose(lost);
         let has_nothing = self.book.is_empty() && self.taken.is_empty() && !self.store.has_news();
         if has_nothing && self.store.retry_at().is_none() {
-            // A row that says nothing new, such as a lease that is as it was, is kept already.
+            // A row without news, such as an unchanged lease, counts as kept.
             return self.note_kept();
         }
         self.status.change(|report| report.waiting = self.book.len() as u64);
@@ -232,13 +233,13 @@ impl Writer {
         self.sides.modbus.release();
         self.sides.local.release();
         let by_broker = [&self.sides.mqtt, &self.sides.sparkplug].into_iter().flatten();
-        // Each is asked, whatever the others had.
+        // Every side is released, whatever the others had.
         if by_broker.filter(|side| side.release()).count() > 0 {
             self.changed.ring();
         }
     }
 
-    /// Cuts what gives way, and has the log emptied from time to time.
+    /// Deletes old rows, and has the log emptied from time to time.
     fn look_after(&mut self, rows: u64) {
         self.since_cut += rows;
         if self.since_cut >= CUT_AFTER {
@@ -253,7 +254,7 @@ impl Writer {
         (*commits, *all) = (*commits + 1, *all + rows);
         if *commits >= EMPTY_AFTER.0 || *all >= EMPTY_AFTER.1 {
             self.since_emptied = (0, 0);
-            // One that is at it already will do.
+            // A request that is pending already is enough.
             let _ = self.upkeep.try_send(());
             if let Some(Err(error)) = self.store.database().map(|database| database.empty_log()) {
                 self.store.troubled(error);
@@ -262,7 +263,7 @@ impl Writer {
     }
 }
 
-/// The wall-clock moment of `at`, by both clocks as of now.
+/// Converts `at` to the wall clock, by both clocks as of now.
 fn label(now: MonoTime, wall: WallTime, at: MonoTime) -> WallTime {
     let millis = |from: MonoTime, to: MonoTime| i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX);
     WallTime { unix_ms: wall.unix_ms.saturating_sub(millis(at, now)).saturating_add(millis(now, at)) }

@@ -1,6 +1,6 @@
 //! Server-sent events as text (WHATWG HTML, 9.2).
 
-/// After how long a browser tries again when its connection has ended.
+/// After how long a browser reconnects when its connection was closed, in milliseconds.
 const RETRY_MS: u32 = 1000;
 
 /// An event; `data` is one line.
@@ -13,7 +13,7 @@ pub fn first(state: &str, moment: &str) -> String {
     format!("retry: {RETRY_MS}\n{}{}", event("state", state), alive(moment))
 }
 
-/// The gateway is there, and it is this moment, which orders may name.
+/// A heartbeat with the present moment, which orders may name.
 pub fn alive(moment: &str) -> String {
     event("alive", &format!("{{\"moment\":\"{moment}\"}}"))
 }

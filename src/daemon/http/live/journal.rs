@@ -1,4 +1,4 @@
-//! Rows of the journal for whoever asks: read beside the main thread, as many as may be and no more.
+//! Rows of the journal for HTTP clients, read on other threads and bounded in number.
 
 use super::Live;
 use super::query::Query;
@@ -24,9 +24,9 @@ use std::task::{Context, Poll};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::task::JoinHandle;
 
-/// Most who read the journal at once. Reading is work for a processor that lines need too.
+/// Most readers of the journal at once. Reading takes processor time that lines need too.
 pub const READERS_MAX: usize = 2;
-/// Rows that are told unless it is said how many, and most of them.
+/// Rows in an answer by default, and at most.
 const LAST_USUAL: usize = 200;
 const LAST_MAX: usize = 10_000;
 const KEYS: [&str; 5] = ["table", "drive", "since", "last", "format"];
@@ -38,7 +38,7 @@ enum Format {
     Csv,
 }
 
-/// What is asked for.
+/// A parsed query.
 #[derive(Debug)]
 struct JournalQuery {
     wanted: Wanted,
@@ -60,7 +60,7 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     let (path, format) = (journal.file().to_owned(), asked.format);
     let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
     match read {
-        // What fits into one piece has a length, as other documents have.
+        // What fits into one piece is sent with its length, like other documents.
         Ok(Ok((reading, first))) if reading.is_over() => (headers(format), first.unwrap_or_default()).into_response(),
         Ok(Ok((reading, first))) => {
             (headers(format), Body::new(Pieces::Ready(Box::new(reading), first))).into_response()
@@ -94,16 +94,16 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
     Ok(JournalQuery { wanted, last, format })
 }
 
-/// What is left to be told of the journal. No transaction is open between two pieces.
+/// The rest of an answer. No transaction is open between two pieces.
 #[derive(Debug)]
 struct Reading {
     connection: Connection,
     rows: std::vec::IntoIter<(Table, u64)>,
     format: Format,
     is_first: bool,
-    /// What stands before the rows; empty when it was told.
+    /// The text before the rows; empty once it is sent.
     begin: String,
-    /// What stands behind them.
+    /// The text after them.
     end: &'static str,
     /// Free again when the last piece is taken.
     _place: OwnedSemaphorePermit,
@@ -124,12 +124,12 @@ impl Reading {
         Ok((reading, first))
     }
 
-    /// Whether all of it is in the pieces that were read.
+    /// Whether all of it was read.
     fn is_over(&self) -> bool {
         self.rows.as_slice().is_empty() && self.end.is_empty()
     }
 
-    /// The next piece; none behind the last.
+    /// The next piece; `None` after the last.
     fn piece(&mut self) -> Result<Option<Bytes>, Error> {
         let mut text = std::mem::take(&mut self.begin);
         while text.len() < PIECE_BYTES / 2 {
@@ -137,7 +137,7 @@ impl Reading {
                 text += std::mem::take(&mut self.end);
                 break;
             };
-            // The writer may have cut it away meanwhile.
+            // The writer may have deleted it meanwhile.
             let Some(seen) = row(&self.connection, table, number)? else { continue };
             match self.format {
                 Format::Json => {
@@ -151,18 +151,18 @@ impl Reading {
     }
 }
 
-/// What is left, and the next piece of it.
+/// The rest, and its next piece.
 type Read = (Box<Reading>, Option<Bytes>);
 
 /// The body of an answer. Each piece is read when the one before it is taken, so that a slow reader holds no thread and little
 /// memory.
 #[derive(Debug)]
 enum Pieces {
-    /// The next one is there.
+    /// The next piece has been read.
     Ready(Box<Reading>, Option<Bytes>),
-    /// It is being read.
+    /// The next piece is being read.
     Reading(JoinHandle<Result<Read, Error>>),
-    /// All are taken, or reading has failed.
+    /// All pieces are taken, or reading has failed.
     Ended,
 }
 
@@ -186,7 +186,7 @@ impl HttpBody for Pieces {
                         return Poll::Pending;
                     }
                     Poll::Ready(Ok(Ok((reading, next)))) => Self::Ready(reading, next),
-                    // The answer breaks off, so that it is not taken for whole.
+                    // The answer is broken off, so that it is not taken for complete.
                     Poll::Ready(Ok(Err(error))) => return Poll::Ready(Some(Err(error.into()))),
                     Poll::Ready(Err(error)) => return Poll::Ready(Some(Err(error.into()))),
                 },

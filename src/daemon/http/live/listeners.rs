@@ -1,4 +1,4 @@
-//! Those who listen to changes. Each text is made once for all of them; who does not keep up is let go.
+//! Listeners to changes. Each text is made once for all of them; one that does not keep up is disconnected.
 
 use crate::daemon::http::large::Pieces;
 use crate::daemon::http::lasting::Stay;
@@ -12,10 +12,11 @@ use std::task::{Context, Poll};
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::TrySendError;
 
-/// Texts that wait for one listener, beside what its connection holds: four seconds of changes. All listeners share them.
+/// Texts that wait for one listener, beside what its connection buffers: four seconds of changes. All listeners share
+/// them.
 const WAITING_MAX: usize = 8;
 
-/// All who listen.
+/// All listeners.
 #[derive(Debug, Default)]
 pub struct Listeners(Vec<Ear>);
 
@@ -26,7 +27,7 @@ struct Ear {
     stay: Weak<Stay>,
 }
 
-/// One who listens: the body of an answer.
+/// A listener: the body of an answer.
 #[derive(Debug)]
 pub struct Listener {
     first: Pieces,
@@ -35,7 +36,7 @@ pub struct Listener {
 }
 
 impl Listeners {
-    /// One more, who hears `first` before all else. Its bound is that of `stay`.
+    /// Adds a listener that receives `first` before all else. `stay` bounds their number.
     pub fn add(&mut self, first: Pieces, stay: Stay) -> Listener {
         let (sender, texts) = mpsc::channel(WAITING_MAX);
         let stay = Arc::new(stay);
@@ -44,24 +45,24 @@ impl Listeners {
         Listener { first, texts, _stay: stay }
     }
 
-    /// Forgets those who have left.
+    /// Forgets listeners that have left.
     pub fn forget_gone(&mut self) {
         self.0.retain(|ear| !ear.texts.is_closed());
     }
 
-    /// Whether nobody listens.
+    /// Whether there is no listener.
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// How many listen, as far as that is known.
+    /// The number of listeners, including those whose leaving was not noticed yet.
     #[cfg(test)]
     pub const fn count(&self) -> usize {
         self.0.len()
     }
 
-    /// Tells all of them. Who has not taken what was told before loses the connection, and finds the whole state when it
-    /// comes back.
+    /// Sends `text` to all of them. One that has not read what was sent before is disconnected, and gets the whole
+    /// state when it reconnects.
     pub fn tell(&mut self, text: String) {
         let text = Bytes::from(text);
         self.0.retain(|ear| match ear.texts.try_send(text.clone()) {

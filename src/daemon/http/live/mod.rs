@@ -1,7 +1,7 @@
 //! Live documents for the page: state, changes as server-sent events, the trend of the last hour, the journal, advice.
 //!
-//! One task looks at the pictures twice a second. What has changed becomes one text for all who listen, and if nobody
-//! does, none is made. Nothing here puts anything on a line.
+//! One task compares the drive views twice a second. What has changed becomes one text for all listeners; without
+//! listeners none is made. Nothing here causes traffic on a line.
 
 mod events;
 mod journal;
@@ -33,19 +33,19 @@ use tokio::sync::Semaphore;
 use tokio::time::MissedTickBehavior;
 use told::LastState;
 
-/// How often the pictures are looked at, and a moment is handed to those who listen.
+/// How often the views are compared, and a moment is sent to listeners.
 const TICK: Duration = moments::EVERY;
 
-/// What the live documents rest on, beside the pictures.
+/// What the live documents are made from, beside the views.
 #[derive(Debug)]
 pub struct Live {
     state: Arc<State>,
     kept: Mutex<LiveState>,
-    /// Places for those who read the journal.
+    /// Places for readers of the journal.
     readers: Arc<Semaphore>,
-    /// For the states with which events begin.
+    /// Room for the state with which each event stream begins.
     room: Room,
-    /// What orders name.
+    /// The moments that orders name.
     moments: Moments,
 }
 
@@ -58,12 +58,12 @@ struct LiveState {
     uses: BTreeMap<u16, LineUse>,
     trends: Trends,
     listeners: Listeners,
-    /// What those who listen were told; nothing while nobody does.
+    /// What listeners have received; `None` while there is no listener.
     told: Option<LastState>,
 }
 
 impl Live {
-    /// Nobody listens, and nothing was measured yet.
+    /// Starts without listeners or measurements.
     #[must_use]
     pub fn new(state: Arc<State>) -> Self {
         let started = Moment { mono: state.started, wall: state.started_at };
@@ -84,7 +84,7 @@ impl Live {
         }
     }
 
-    /// The moments that those who listen are handed.
+    /// The moments that listeners receive.
     #[must_use]
     pub const fn moments(&self) -> &Moments {
         &self.moments
@@ -95,7 +95,7 @@ impl Live {
     }
 }
 
-/// Looks at the pictures from now on. It never ends.
+/// Compares the views from now on. Never returns.
 pub async fn run(live: Arc<Live>) {
     let mut ticks = tokio::time::interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -106,7 +106,7 @@ pub async fn run(live: Arc<Live>) {
 }
 
 impl LiveState {
-    /// Takes what is due for trend and use of the lines, and tells whoever listens what has changed.
+    /// Records what is due for the trend and the use of the lines, and sends changes to listeners.
     fn look(&mut self, live: &Live, at: Moment) {
         let now = at.mono;
         self.clock.see(at);
@@ -142,7 +142,7 @@ impl LiveState {
         self.listeners.tell(news + &events::alive(&live.moments.at(now)));
     }
 
-    /// Takes notice of another configuration. Returns whether there is one since the last look.
+    /// Follows a change of the configuration. Returns whether there was one since the last call.
     fn follow(&mut self, state: &State) -> bool {
         let shared = state.shared.get();
         if self.shared.as_ref().is_some_and(|known| Arc::ptr_eq(known, &shared)) {
@@ -153,25 +153,25 @@ impl LiveState {
         self.shared.replace(shared).is_some()
     }
 
-    /// What `made` makes of everything as it is now.
+    /// Applies `made` to the present state of everything.
     fn source<T>(&self, live: &Live, made: impl FnOnce(&Source<'_>) -> T) -> T {
         let present = Present { now: clock::now(), clock: &self.clock };
         made(&Source { state: &live.state, shared: &live.state.shared.get(), uses: &self.uses, present })
     }
 
-    /// Somebody who listens from now on, with the state as the first event; nothing if too many large ones wait to be taken.
+    /// A new listener, with the state as its first event; `None` if too many large answers are unread.
     fn listen(&mut self, live: &Live, stay: super::lasting::Stay) -> Option<Listener> {
         let (first, told) = self.source(live, |source| {
             let moment = live.moments.at(source.present.now);
             (events::first(&source.document().to_string(), &moment), LastState::now(source))
         });
         let first = live.room.pieces(first.into())?;
-        // Whoever listens already was told less, and will be told all of it.
+        // Listeners from before keep their own earlier state and still receive every change.
         self.told.get_or_insert(told);
         Some(self.listeners.add(first, stay))
     }
 
-    /// The trend of the drive called `name`; nothing as long as it was not looked at.
+    /// The trend of the drive called `name`; `None` before its first sample.
     fn trend(&self, name: &str) -> Option<Value> {
         let end = self.trends.newest_at().map_or(0, |at| self.clock.wall(at).unix_ms.div_euclid(1000));
         self.trends.document(name, end)

@@ -1,8 +1,8 @@
-//! What stands behind the `?` of a request: known keys, each at most once.
+//! The query of a request, after `?`: known keys, each at most once.
 
 use std::collections::BTreeMap;
 
-/// Longest query in bytes: some names and a moment.
+/// Longest query in bytes: room for some names and a time.
 const BYTES_MAX: usize = 1024;
 
 /// Keys with their values.
@@ -10,7 +10,7 @@ const BYTES_MAX: usize = 1024;
 pub struct Query(BTreeMap<String, String>);
 
 impl Query {
-    /// Reads `query`, of which `known` are the keys.
+    /// Parses `query`, whose keys must be among `known`.
     ///
     /// # Errors
     /// What is wrong with it, for people.
@@ -31,7 +31,7 @@ impl Query {
         Ok(Self(values))
     }
 
-    /// The value of `key`; nothing if it is not there or empty.
+    /// The value of `key`; `None` if it is missing or empty.
     pub fn get(&self, key: &str) -> Option<&str> {
         self.0.get(key).map(String::as_str).filter(|value| !value.is_empty())
     }

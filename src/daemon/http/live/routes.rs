@@ -1,4 +1,4 @@
-//! Where the live documents are found.
+//! The routes of the live documents.
 
 use super::query::Query;
 use super::{Live, journal};
@@ -13,14 +13,14 @@ use axum::{Extension, Router};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// Whoever stands between may not keep or collect what goes by.
+/// Proxies must not cache or buffer the stream.
 const EVENTS: [(header::HeaderName, &str); 3] = [
     (header::CONTENT_TYPE, "text/event-stream"),
     (header::CACHE_CONTROL, "no-store"),
     (header::HeaderName::from_static("x-accel-buffering"), "no"),
 ];
 
-/// The routes. All of them look and nothing more.
+/// The routes. All of them only read.
 pub fn router(live: Arc<Live>) -> Router {
     Router::new()
         .route("/api/v1/state", get(everything))
@@ -72,7 +72,7 @@ async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Resp
     }
 }
 
-/// A document that is out of date as soon as it is sent.
+/// A document that must not be cached.
 fn fresh(document: &Value) -> Response {
     ([(header::CACHE_CONTROL, "no-store")], json(document)).into_response()
 }

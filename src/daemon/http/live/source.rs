@@ -35,18 +35,18 @@ impl Source<'_> {
         })
     }
 
-    /// All drives in order, each with its line and its newest picture.
+    /// All drives in order, each with its line and its newest view.
     pub fn drives(&self) -> impl Iterator<Item = (&SharedLine, &Arc<SharedDrive>, Arc<DriveView>)> {
         let lines = self.shared.lines.iter();
         lines.flat_map(|line| line.drives.iter().map(move |drive| (line.as_ref(), drive, drive.view.load_full())))
     }
 
-    /// The document of `drive`, on `line`, with this picture.
+    /// The document of `drive`, on `line`, with this view.
     pub fn drive(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Value {
         shown(line, drive, view).document(&self.present)
     }
 
-    /// What `made` makes of `line`.
+    /// Applies `made` to `line`.
     pub fn line<T>(&self, line: &SharedLine, made: impl FnOnce(&Line<'_>) -> T) -> T {
         let (report, drives) = (line.report(), line.drives.iter().map(|drive| &drive.description.name));
         made(&Line {
@@ -60,7 +60,7 @@ impl Source<'_> {
         })
     }
 
-    /// What there is to say about everything.
+    /// All findings.
     pub fn advice(&self) -> Vec<Finding> {
         let mut all = self.gateway().advice();
         for line in &self.shared.lines {
@@ -72,7 +72,7 @@ impl Source<'_> {
         ranked(all)
     }
 
-    /// What there is to say about `drive` with this picture.
+    /// The findings for `drive` with this view.
     pub fn drive_advice(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Vec<Finding> {
         shown(line, drive, view).advice(line.interface, self.present.now)
     }
@@ -107,7 +107,7 @@ impl Source<'_> {
     }
 }
 
-/// `drive`, on `line`, with this picture.
+/// `drive`, on `line`, with this view.
 pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView) -> Drive<'d> {
     let station = line.wiring.stations.get(drive.description.place.drive.get()).copied();
     Drive { description: &drive.description, view, station }

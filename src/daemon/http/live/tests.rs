@@ -50,7 +50,7 @@ struct Listening {
 }
 
 impl Listening {
-    /// Connects, and returns the status beside.
+    /// Connects, and returns the status as well.
     async fn connect(address: SocketAddr) -> (u16, Self) {
         let mut stream = TcpStream::connect(address).await.unwrap();
         stream.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
@@ -59,7 +59,7 @@ impl Listening {
         (head.split(' ').nth(1).unwrap().parse().unwrap(), it)
     }
 
-    /// What comes up to `end`; nothing if the connection ends before.
+    /// What arrives up to `end`; `None` if the connection is closed before.
     async fn up_to(&mut self, end: &str) -> Option<String> {
         loop {
             if let Some(at) = self.text.find(end) {
@@ -71,7 +71,7 @@ impl Listening {
         }
     }
 
-    /// The next event with its data. The frames of the transfer stand between.
+    /// The next event with its data, without the chunk headers of the transfer.
     async fn event(&mut self) -> Option<(String, Value)> {
         let text = self.up_to("\n\n").await?;
         let field = |name: &str| text.lines().find_map(|line| line.strip_prefix(name));
@@ -160,7 +160,7 @@ fn another_configuration_is_told_with_its_state() {
         let (_, mut listening) = Listening::connect(address).await;
         listening.next("state").await;
         listening.next("alive").await;
-        // The task has to have seen the first one.
+        // The task must have seen the first one.
         listening.next("alive").await;
         state.shared.set(Arc::new(Shared::of(Vec::new(), Arc::default())));
         listening.next("configuration").await;
@@ -214,7 +214,7 @@ fn who_does_not_read_is_let_go_and_the_others_go_on() {
         let (_, mut slow) = Listening::connect(address).await;
         let (_, mut good) = Listening::connect(address).await;
         good.next("state").await;
-        // More than any buffer between takes.
+        // More than all buffers in between hold.
         let text = super::events::event("update", &format!("\"{}\"", "x".repeat(2 << 20)));
         for _ in 0..100 {
             documents.live.lock().listeners.tell(text.clone());

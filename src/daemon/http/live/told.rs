@@ -1,4 +1,4 @@
-//! What those who listen were told, and what is new since. What has not changed costs a look at a pointer.
+//! What listeners have received, and what is new since. An unchanged drive costs one pointer comparison.
 
 use super::events::event;
 use super::source::{Source, documents, shown};
@@ -10,7 +10,7 @@ use crate::north::page::{Gateway, trips};
 use serde_json::{Map, Value};
 use std::sync::Arc;
 
-/// Everything as it was told, of one configuration.
+/// The state as it was last sent, for one configuration.
 #[derive(Debug)]
 pub struct LastState {
     gateway: Gateway,
@@ -22,7 +22,7 @@ pub struct LastState {
 #[derive(Debug)]
 struct ToldDrive {
     view: Arc<DriveView>,
-    /// When it is to be told again though the picture stays.
+    /// When it has to be sent again although the view is the same.
     changes_at: MonoTime,
     advice: Vec<Finding>,
 }
@@ -36,7 +36,7 @@ impl ToldDrive {
 }
 
 impl LastState {
-    /// Everything is being told now.
+    /// The state as of now, which is being sent.
     pub fn now(source: &Source<'_>) -> Self {
         let drives = source.drives().map(|(line, drive, view)| ToldDrive::now(source, line, drive, view));
         let mut told =
@@ -45,7 +45,7 @@ impl LastState {
         told
     }
 
-    /// Events of what is new; empty if nothing is. The configuration must be the same.
+    /// Events for what is new; empty if nothing is. The configuration must be the same.
     pub fn news(&mut self, source: &Source<'_>) -> String {
         let (mut events, mut update) = (String::new(), Map::new());
         let gateway = source.gateway();
@@ -76,7 +76,7 @@ impl LastState {
         events
     }
 
-    /// The drives that have changed; their trips go into `events`.
+    /// The drives that have changed; their trips are added to `events`.
     fn changed_drives(&mut self, source: &Source<'_>, events: &mut String) -> Vec<Value> {
         let mut changed = Vec::new();
         for ((line, drive, view), told) in source.drives().zip(&mut self.drives) {

@@ -1,4 +1,4 @@
-//! The page that people look at: its files as they stand in the program. It is made of the same routes that scripts use.
+//! The web page: its files, which are part of the program. It uses the same routes as scripts.
 
 #[cfg(test)]
 mod tests;
@@ -40,7 +40,7 @@ const FILES: [&[File]; 5] = [
     &files!("text/plain; charset=utf-8": "uplot.LICENSE.txt"),
 ];
 
-/// A file with the tag of its content, by which a browser finds that it has it already.
+/// A file with the entity tag of its content, by which a browser can tell that it has it already.
 struct Tagged {
     file: &'static File,
     tag: String,
@@ -66,7 +66,7 @@ fn answer(name: &str, asked: &HeaderMap) -> Response {
     let headers =
         [(header::CONTENT_TYPE, file.media_type), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
     let known = asked.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    // A proxy that packs what it passes on marks the tag as weak.
+    // A proxy that compresses the file marks the tag as weak.
     if known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag) {
         return (StatusCode::NOT_MODIFIED, headers).into_response();
     }

@@ -1,4 +1,4 @@
-//! The page is whole, small, and says nothing that its own rules for browsers forbid.
+//! The page is complete and small, and contains nothing that its own content security policy forbids.
 
 use super::super::tests::on_a_runtime;
 use super::*;
@@ -15,7 +15,7 @@ fn files() -> impl Iterator<Item = &'static File> {
     FILES.into_iter().flatten()
 }
 
-/// Those that nobody here wrote come as they are.
+/// Third-party files are left as they are.
 fn is_vendored(file: &File) -> bool {
     file.name.starts_with("uplot")
 }
@@ -36,7 +36,7 @@ fn every_file_is_served_and_all_are_small() {
     assert!(bytes < BYTES_MAX, "{bytes}");
 }
 
-/// What stands between quotation marks behind `mark`.
+/// The quoted texts after `mark`.
 fn quoted_behind<'t>(text: &'t str, mark: &str) -> Vec<&'t str> {
     text.split(mark).skip(1).filter_map(|rest| rest.split('"').next()).collect()
 }

@@ -58,7 +58,8 @@ pub(in super::super) const REPLIES: &[Metric<ReplyReport>] = &[
     }),
 ];
 
-/// From the end of a request to the start of its reply; labels as those, and `share`: so many of all took no longer, 1 for the longest.
+/// From the end of a request to the start of its reply; labels as those, and `share`: the share of all that took no
+/// longer, 1 for the longest.
 pub(in super::super) const REPLY_TIME: Name =
     plain("drive_reply_time", Some("seconds"), "From the end of a request to the start of its reply.");
 
@@ -82,7 +83,7 @@ pub(in super::super) const REPLY: Name = Name {
     kind: MetricType::Histogram,
 };
 
-/// What became of attempts to command each drive; labels `line`, `drive`, `source` and `outcome`.
+/// Outcomes of attempts to command each drive; labels `line`, `drive`, `source` and `outcome`.
 pub(in super::super) const COMMANDS: Name = Name {
     name: "drive_outcomes",
     unit: None,
@@ -90,7 +91,7 @@ pub(in super::super) const COMMANDS: Name = Name {
     kind: MetricType::Counter,
 };
 
-/// Each drive; labels `line` and `drive`. What control says is there only for drives with a control section.
+/// Each drive; labels `line` and `drive`. Metrics of control exist only for drives with a control section.
 pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     gauge("drive_online", "1 while the drive answers.", |view| truth(view.is_online())),
     gauge(

@@ -26,7 +26,7 @@ pub(super) struct Metric<T> {
     pub sample: Sample<T>,
 }
 
-/// What stands in front of the samples of one family.
+/// Name, unit, type and help of one family.
 pub(super) struct Name {
     pub name: &'static str,
     pub unit: Option<&'static str>,
@@ -34,7 +34,7 @@ pub(super) struct Name {
     pub kind: MetricType,
 }
 
-/// How a sample is taken; nothing where there is none.
+/// How a sample is taken; it is left out if that returns `None`.
 pub(super) enum Sample<T> {
     Counter(fn(&T) -> Option<u64>),
     Sum(fn(&T) -> Option<f64>),
@@ -46,7 +46,7 @@ const fn counter<T>(name: &'static str, help: &'static str, take: fn(&T) -> Opti
     Metric { name, sample: Sample::Counter(take) }
 }
 
-/// A counter of something that is no number of things.
+/// A counter of something other than a number of events.
 const fn sum<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<f64>) -> Metric<T> {
     let name = Name { name, unit: None, help, kind: MetricType::Counter };
     Metric { name, sample: Sample::Sum(take) }
