@@ -1,10 +1,10 @@
-//! The broker's address as one text: which scheme, which host, which port, and nothing else in it.
+//! Parses the broker's address: scheme, host and port, and nothing else.
 
 use super::host::{host_and_port, port_number};
 use crate::domain::problem::nearest;
 use std::net::IpAddr;
 
-/// What an address may look like.
+/// Examples of valid addresses.
 const RIGHT: &str = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
 
 /// A broker's address.
@@ -22,7 +22,7 @@ pub(super) enum Address {
 }
 
 impl Address {
-    /// Whether what is sent there stays on this host.
+    /// Whether traffic to it stays on this host.
     pub fn is_local(&self) -> bool {
         match self {
             Self::Embedded => true,
@@ -39,17 +39,17 @@ impl Address {
     }
 }
 
-/// Why a text is no address: what is wrong with it, and what would be right.
+/// Why a text is not a valid address: what is wrong, and what would be right.
 pub(super) type Wrong = (String, String);
 
-/// The address that `text` writes.
+/// Parses an address.
 pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
     if text == "embedded" {
         return Ok(Address::Embedded);
     }
     let Some((scheme, rest)) = text.split_once("://") else {
         let near = nearest(text, ["embedded"]).map_or_else(|| RIGHT.to_owned(), |near| format!("\"{near}\""));
-        return Err((format!("`{text}` is no address of a broker"), near));
+        return Err((format!("`{text}` is not the address of a broker"), near));
     };
     let (tls, default_port) = match scheme {
         "mqtt" => (false, 1883),
@@ -57,8 +57,8 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
         _ => return Err((format!("a broker over `{scheme}://` is not served"), RIGHT.to_owned())),
     };
     if rest.contains('@') {
-        // The text itself may hold a password, so it is not repeated.
-        let what = "a user or a password does not stand in the address".to_owned();
+        // The text may contain a password, so it is not repeated.
+        let what = "a user or a password must not be in the address".to_owned();
         return Err((what, "`user`, and `password_file` or `password_env`, beside it".to_owned()));
     }
     let wrong = |what: &str| (format!("`{text}` {what}"), RIGHT.to_owned());

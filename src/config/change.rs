@@ -1,33 +1,33 @@
-//! What a new configuration changes of the one in force: which lines go on as they are, which end and which start, and
-//! the same in words for people.
+//! The differences between a new configuration and the one in force: which lines continue, end and start, and the same
+//! in words for people.
 
 use super::ready::{Config, ListenerSettings};
 use crate::domain::ids::Name;
 use std::fmt;
 
-/// What a new configuration changes.
+/// The differences between two configurations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// For each line of the new configuration the index of the old one that goes on as it; nothing: it is started.
+    /// For each line of the new configuration, the index of the old line that continues as it; `None`: it is started.
     pub continues: Vec<Option<usize>>,
-    /// Indices of the old lines that end: those that are removed, and those that are started anew.
+    /// Indices of the old lines that end: removed and restarted ones.
     pub ended: Vec<usize>,
-    /// For each listener of the new configuration the index of the old one whose socket it keeps; nothing: it is new.
+    /// For each listener of the new configuration, the index of the old one whose socket it keeps; `None`: it is new.
     pub listeners: Vec<Option<usize>>,
-    /// What takes a restart of the gateway, by its key.
+    /// Keys whose change requires a restart of the gateway.
     pub needs_restart: Vec<&'static str>,
-    /// What is different, in the order of the file.
+    /// The differences, in the order of the file.
     pub told: Vec<ChangeNote>,
 }
 
 /// One difference.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChangeNote {
-    /// Of what kind the thing is.
+    /// The kind of part.
     pub part: ConfigPart,
-    /// What it is called; nothing where there is only one.
+    /// Its name; `None` for a part that exists only once.
     pub name: Option<String>,
-    /// What becomes of it.
+    /// How it changes.
     pub how: How,
 }
 
@@ -63,14 +63,14 @@ impl ConfigPart {
     }
 }
 
-/// What becomes of a part.
+/// How a part changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum How {
     /// It is new.
     Added,
-    /// It is gone.
+    /// It is removed.
     Removed,
-    /// Its settings are others; a line starts anew.
+    /// Its settings differ; a line is restarted.
     Changed,
 }
 
@@ -87,7 +87,7 @@ impl How {
 }
 
 impl ChangeNote {
-    /// The broker's side is different in something that stands in no configuration, such as its password.
+    /// The broker's side differs in something outside the configuration, such as its password.
     #[must_use]
     pub const fn mqtt_changed() -> Self {
         Self { part: ConfigPart::Mqtt, name: None, how: How::Changed }
@@ -105,7 +105,7 @@ impl fmt::Display for ChangeNote {
 }
 
 impl Change {
-    /// What `new` changes of `old`. Lines are told apart by their names, listeners by their addresses.
+    /// Compares `new` with `old`. Lines are identified by name, listeners by address.
     #[must_use]
     pub fn between(old: &Config, new: &Config) -> Self {
         let same_name = |name: &Name| old.lines.iter().position(|line| line.name == *name);
@@ -122,7 +122,7 @@ impl Change {
         }
     }
 
-    /// Names of the drives of `old` whose lines end, with the index of the line and theirs on it.
+    /// Names of the drives of `old` whose lines end, with the index of the line and of the drive on it.
     pub fn leaving<'c>(&'c self, old: &'c Config) -> impl Iterator<Item = (usize, &'c str)> {
         self.ended.iter().flat_map(|at| {
             let line = old.lines.get(*at);
@@ -131,8 +131,8 @@ impl Change {
     }
 }
 
-/// The name is in every topic and every record, and the directory holds what was recorded under it, in a journal of its
-/// size.
+/// Settings that require a restart: the name is in every topic and record, and the directory holds the journal, of its
+/// configured size.
 fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
     let has_other_journal = old.journal != new.journal;
     let old = &old.gateway;
@@ -164,7 +164,7 @@ fn lines(config: &Config) -> Named<&super::LineSettings> {
     config.lines.iter().map(|line| (line.name.to_string(), line)).collect()
 }
 
-/// Each with its line: one that moves to another is changed.
+/// Each with its line: a drive that moves to another line is changed.
 fn drives(config: &Config) -> Named<(&super::DriveSettings, &str)> {
     config
         .lines
@@ -173,7 +173,7 @@ fn drives(config: &Config) -> Named<(&super::DriveSettings, &str)> {
         .collect()
 }
 
-/// Each with the names of its lines: their indices may be others though they are the same.
+/// Each with the names of its lines: equal lines may have other indices.
 fn listeners(config: &Config) -> Named<(ListenerSettings, Option<Vec<&str>>)> {
     let named = |listener: &ListenerSettings| {
         let names = listener
@@ -185,7 +185,7 @@ fn listeners(config: &Config) -> Named<(ListenerSettings, Option<Vec<&str>>)> {
     config.listeners.iter().map(named).collect()
 }
 
-/// In the order of `new`; what is removed comes last.
+/// In the order of `new`; removed parts are last.
 fn compare<T: PartialEq>(told: &mut Vec<ChangeNote>, part: ConfigPart, old: &Named<T>, new: &Named<T>) {
     let mut tell = |name: &String, how| told.push(ChangeNote { part, name: Some(name.clone()), how });
     for (name, value) in new {

@@ -1,4 +1,4 @@
-//! Whether those who are to command a drive can reach it, and whether a lease lasts longer than a command.
+//! Checks that the configured clients can reach a drive, and that a lease outlasts a command.
 
 use super::file::{ControlFile, DriveFile, File, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
@@ -26,7 +26,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
             mqtt_reaches(&control.value, &file.mqtt, problems);
             sparkplug_reaches(&control.value, &file.mqtt, problems);
             page_reaches(&control.value, &file.http, problems);
-            // A listener that serves nothing has a wrong list, which is reported by itself.
+            // A listener that serves nothing has an invalid list, which is reported separately.
             let mut serving = file.listeners.iter().zip(served).filter(|(listener, lines)| {
                 (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, location))
             });
@@ -47,7 +47,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
     }
 }
 
-/// Whether a drive with these units answers at the listener, once all is right.
+/// Whether a drive with these units answers at the listener, once all problems are fixed.
 fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
     let Some(listed) = listener.units.valid() else { return true };
     let Some(Units { native: Some(native), uniform: Some(uniform) }) = units else { return true };
@@ -56,12 +56,12 @@ fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
 
 fn mqtt_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
     if let (Some(location), OptionalKey::Absent) = (control.names(Way::Mqtt), mqtt) {
-        let problem = location.problem("commands from \"mqtt\" cannot come: there is no `[mqtt]`");
+        let problem = location.problem("commands from \"mqtt\" are impossible: there is no `[mqtt]`");
         problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
     }
 }
 
-/// A host is there as long as it says so itself: without that, only commands can keep control.
+/// A host announces its own presence: without that, only commands can renew control.
 fn sparkplug_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
     let Some(location) = control.names(Way::Sparkplug) else { return };
     let (mqtt, sparkplug) = match mqtt {
@@ -74,13 +74,13 @@ fn sparkplug_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, proble
         },
     };
     let (Some(mqtt), Some(sparkplug)) = (mqtt, sparkplug) else {
-        let problem = location.problem("commands from \"sparkplug\" cannot come: there is no `[mqtt.sparkplug]`");
+        let problem = location.problem("commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`");
         problems.push(problem.right("`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out"));
         return;
     };
     let lease = mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default));
     if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, OptionalKey::Absent) {
-        let what = "a session lease of a Sparkplug host lives while that is online, and no host is named";
+        let what = "a session lease of a Sparkplug host lasts while it is online, and no host is named";
         let right = "`primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"";
         problems.push(location.problem(what).right(right));
     }
@@ -102,15 +102,17 @@ fn page_reaches(control: &ControlFile, http: &OptionalKey<HttpFile>, problems: &
 fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, problems: &mut Vec<Problem>) {
     let Some(location) = control.names(Way::ModbusTcp) else { return };
     if !is_reached {
-        let what =
-            format!("commands from \"modbus-tcp\" cannot come: no listener of {} lets anybody write", line.label());
+        let what = format!(
+            "commands from \"modbus-tcp\" are impossible: no listener of {} allows any client to write",
+            line.label()
+        );
         problems
             .push(location.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
     }
 }
 
-/// A plain message that waited unnoticed in front of us is not taken for one that was sent after a stop. With
-/// `commands = "strict"` no plain one is taken at all.
+/// A plain message that was delayed unnoticed must not be mistaken for one sent after a stop. With
+/// `commands = "strict"` no plain message is accepted at all.
 fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
     let Some(mqtt) = mqtt.filter(|_| by_broker.is_some() && control.strict.or(false) == Some(false)) else { return };
@@ -132,7 +134,7 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
     }
 }
 
-/// The same for an order of the page, which names no stop that it has seen.
+/// The same for an order from the page, which does not refer to a stop that it has seen.
 fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
     let least = moments::AGE_MAX + AFTER_UNNOTICED;
     let Some(delay) = control.restart_delay.valid().filter(|_| control.names(Way::Page).is_some()) else { return };
@@ -148,7 +150,7 @@ fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Prob
     }
 }
 
-/// A lease lasts longer than a command may wait, and one that lives by probes longer than probes may stay out.
+/// A lease lasts longer than a command may wait; a session lease also lasts longer than the tolerated missing probes.
 fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: lost_after, location }) = &control.lost_after else { return };
     if *lost_after <= COMMAND_DEADLINE {
@@ -185,8 +187,8 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
     }
 }
 
-/// A right to write is about drives that take commands from here, a right to stop about drives that are commanded
-/// at all.
+/// A right to write requires drives that accept commands from here; a right to stop requires drives with a control
+/// section.
 fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut Vec<Problem>) {
     let takes_from_here = |control: &ControlFile| control.from.is_none() || control.names(Way::ModbusTcp).is_some();
     let any = |matters: &dyn Fn(&ControlFile) -> bool| {

@@ -1,4 +1,4 @@
-//! What a drive's control section allows, compared with what its model can do and how sure that is.
+//! Checks a drive's control section against the abilities of its model and their confidence.
 
 use super::file::{ControlFile, DriveFile, LimitsFile};
 use super::lists;
@@ -18,11 +18,12 @@ use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Slowest fast poll of a drive that may be commanded (semantics: a status older than 5 s is refused).
+/// Longest fast poll period of a drive that may be commanded: a status older than 5 s is refused.
 const SLOWEST_POLL: Duration = Duration::from_secs(5);
 
-/// The ready control section of `drive`, nothing inside where it has none; nothing at all: see `problems`.
-/// `defaults` hold where the section says nothing of it. Without a `model`, which is then reported as unknown, only what does not hang on it is checked.
+/// The ready control section of `drive`: `Some(None)` without one; `None` if it is invalid, see `problems`.
+/// `defaults` fill in missing keys. Without a `model`, which is then reported as unknown, only checks that do not
+/// depend on it are made.
 pub(super) fn settle(
     drive: &DriveFile,
     model: Option<&Model>,
@@ -38,7 +39,7 @@ pub(super) fn settle(
     is_looked_at(drive, problems);
     ways(file, problems);
     let directions = directions(file, problems);
-    // What cannot be commanded at all is said once, not for each key.
+    // A model that cannot be commanded at all is reported once, not for each key.
     let able = model.filter(|model| can_be_controlled(model, location, problems));
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
@@ -77,7 +78,7 @@ pub(super) fn settle(
     })))
 }
 
-/// What may be moved is looked at: on old readings nobody can tell whether it stands still.
+/// A drive that may be moved is polled often enough: old readings cannot show whether it is at standstill.
 fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
     if let Some(poll) = drive.poll.valid().filter(|poll| poll.value > SLOWEST_POLL) {
         let problem = poll.location.problem("too slow for a drive with a control section");
@@ -85,11 +86,11 @@ fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Somebody commands, nobody is named twice, and what concerns some ways alone is not there without them.
+/// At least one interface is named, none twice, and keys for some interfaces require one of them.
 fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     let Some(from) = &file.from else { return };
     if from.value.is_empty() {
-        let problem = from.location.problem("an empty list permits no commander");
+        let problem = from.location.problem("an empty list allows no commands");
         problems.push(
             problem
                 .right("\"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"),
@@ -114,7 +115,7 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The directions in which the drive may run; nothing: see `problems`.
+/// The directions in which the drive may run; `None` if it is invalid, see `problems`.
 fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Direction>> {
     let directions = match &file.directions {
         OptionalKey::Absent => vec![Direction::Forward],
@@ -140,15 +141,15 @@ fn goes_both_ways(directions: &[Direction]) -> bool {
     [Direction::Forward, Direction::Reverse].iter().all(|direction| directions.contains(direction))
 }
 
-/// Whether commands can be given to a drive of this model at all, whether its facts are proven or not.
+/// Whether a drive of this model can be commanded at all, whether its facts are proven or not.
 fn can_be_controlled(model: &Model, location: &Location, problems: &mut Vec<Problem>) -> bool {
     let Some(why) = why_not(model) else { return true };
     let problem = location.problem(format!("{} cannot be controlled: {why}", model.id));
-    problems.push(problem.right("leave `control` out; the drive is read-only then"));
+    problems.push(problem.right("leave `control` out; the drive is then read-only"));
     false
 }
 
-/// Why no drive of `model` can be controlled; nothing: it can.
+/// Why drives of `model` cannot be controlled; `None` if they can.
 #[must_use]
 pub fn why_not(model: &Model) -> Option<String> {
     if model.run.is_none() {
@@ -162,14 +163,12 @@ pub fn why_not(model: &Model) -> Option<String> {
         return Some("its frequency command is not in Hz".to_owned());
     }
     if role(Role::OutputFrequency).is_none_or(|output| output.poll.is_none()) {
-        return Some(
-            "its description has no output frequency that is polled, to see that a stop takes effect".to_owned(),
-        );
+        return Some("its description has no output frequency that is polled, to see that a stop takes effect".to_owned());
     }
     None
 }
 
-/// Stop, forward and the setpoint are proven, or accepted together: no drive may be one that is started and not stopped.
+/// Stop, forward and the setpoint are proven, or accepted together: no drive may be startable but not stoppable.
 fn basics(file: &ControlFile, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
     let unproven = model.unproven_basics();
     let (location, others) = match &file.accept_unverified {
@@ -185,11 +184,11 @@ fn basics(file: &ControlFile, location: &Location, model: &Model, problems: &mut
     let words = std::iter::once(ControlAction::Basic).chain(others);
     let words: Vec<_> = words.map(|action| format!("\"{}\"", action.word())).collect();
     let line = format!("accept_unverified = [{}]", words.join(", "));
-    let right = format!("{line} once a stop was seen to work, or no control section; the drive is read-only then");
+    let right = format!("{line} once you have seen a stop work, or no control section; the drive is then read-only");
     problems.push(location.problem(what).right(right));
 }
 
-/// Lowest and highest setpoint; nothing: see `problems`.
+/// Lowest and highest setpoint; `None` if it is invalid, see `problems`.
 fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<(Hertz, Hertz)> {
     let LimitsFile { min, max } = file?;
     if let Some(register) = model.and_then(|model| model.register_for(Role::FrequencyCommand)) {
@@ -197,7 +196,7 @@ fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<P
         can_be_set(max, register, problems);
     }
     if let Some(max) = max.as_ref().filter(|max| max.value == Hertz::ZERO) {
-        problems.push(max.location.problem("a drive that may be given 0 Hz at most never turns").right("more than 0"));
+        problems.push(max.location.problem("a drive with a maximum of 0 Hz never turns").right("more than 0"));
     }
     let min = min.as_ref()?;
     let max = max.as_ref()?;
@@ -208,16 +207,16 @@ fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<P
     Some((min.value, max.value))
 }
 
-/// A limit is a setpoint that the drive can be given: one between two steps could never be reached.
+/// A limit must be a possible setpoint: one between two steps could never be reached.
 fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
     let Some(Spanned { value, location }) = limit else { return };
     if let Err(wrong) = to_raw(value.as_f64(), register) {
-        let right = format!("a frequency that `{}` can be set to", register.name);
+        let right = format!("a frequency that `{}` can represent", register.name);
         problems.push(location.problem(format!("{value} Hz is {wrong}")).right(right));
     }
 }
 
-/// How a model has an action.
+/// How a model supports an action.
 enum Has {
     No,
     Unproven(Confidence),
@@ -242,8 +241,8 @@ fn has(model: &Model, action: ControlAction) -> Has {
     }
 }
 
-/// Each action that the section relies on is there and proven or accepted. An acceptance that accepts nothing is a warning:
-/// the model may have proven the action since, and nothing changes without it.
+/// Each action that the section relies on is supported, and proven or accepted. An acceptance without effect is a warning:
+/// the model may have proven the action since, and removing it changes nothing.
 fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, problems: &mut Vec<Problem>) {
     let reverse = file.directions.valid().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
     if let Some(Spanned { location, .. }) = reverse {
@@ -265,15 +264,15 @@ fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, 
     for Spanned { value: action, location } in &accepted.value {
         let word = action.word();
         let what = match has(model, *action) {
-            Has::No => format!("{} has no {word}, so nothing is to be accepted", model.id),
+            Has::No => format!("{} has no {word}, so there is nothing to accept", model.id),
             Has::Proven(it) => {
-                format!("{word} is proven for {} ({}), so nothing is to be accepted", model.id, it.word())
+                format!("{word} is proven for {} ({}), so there is nothing to accept", model.id, it.word())
             }
             Has::Unproven(_) if *action == ControlAction::Reverse && !may_reverse(directions) => {
-                "`directions` does not allow \"reverse\", so nothing is to be accepted".to_owned()
+                "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned()
             }
             Has::Unproven(_) if *action == ControlAction::Release && !may_release(file) => {
-                "`allow_release` is not true, so nothing is to be accepted".to_owned()
+                "`allow_release` is not true, so there is nothing to accept".to_owned()
             }
             Has::Unproven(_) => continue,
         };
@@ -293,7 +292,7 @@ fn may_release(file: &ControlFile) -> bool {
     file.allow_release.or(false).unwrap_or(true)
 }
 
-/// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` needs no such action.
+/// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` does not need the action.
 fn can_do(
     file: &ControlFile,
     action: ControlAction,

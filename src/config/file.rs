@@ -112,7 +112,7 @@ pub(super) struct DriveFile {
 }
 
 impl DriveFile {
-    /// The drive as a message calls it: by its name, or by its place while it has none.
+    /// The drive's label in messages: its name, or its location if it has none.
     pub fn label(&self) -> String {
         match &self.name {
             Some(name) => format!("drive `{}`", name.value),
@@ -147,7 +147,7 @@ pub(super) struct ControlFile {
 }
 
 impl ControlFile {
-    /// Whether `from` names `way`; its place if so.
+    /// The location of `way` in `from`, if it is named there.
     pub fn names(&self, way: Way) -> Option<&Location> {
         let from = self.from.as_ref()?;
         from.value.iter().find(|named| named.value == way).map(|named| &named.location)
@@ -270,7 +270,7 @@ pub(super) struct ListenerTlsFile {
     pub roles: RequiredKey<Vec<RoleFile>>,
 }
 
-/// A role, and what it may do.
+/// A role and its rights.
 #[derive(Clone, Debug)]
 pub(super) struct RoleFile {
     pub name: String,
@@ -278,7 +278,7 @@ pub(super) struct RoleFile {
 }
 
 impl ListenerFile {
-    /// The listener as a message calls it: by its address, or by its place while it has none.
+    /// The listener's label in messages: its address, or its location if it has none.
     pub fn label(&self) -> String {
         match &self.listen {
             Some(listen) => format!("the listener {}", listen.value),

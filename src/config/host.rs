@@ -1,8 +1,8 @@
-//! Hosts and ports as addresses write them.
+//! Hosts and ports in addresses.
 
 use std::net::Ipv6Addr;
 
-/// Host and port of `rest`; nothing: there is no usable host.
+/// Host and port of `rest`; `None` without a usable host.
 pub(super) fn host_and_port(rest: &str) -> Option<(&str, Option<&str>)> {
     if let Some(bracketed) = rest.strip_prefix('[') {
         let (host, after) = bracketed.split_once(']')?;
@@ -23,7 +23,7 @@ pub(super) fn host_and_port(rest: &str) -> Option<(&str, Option<&str>)> {
     is_name(host).then_some((host, port))
 }
 
-/// The number of a port; nothing: `digits` are none, or stand for port 0.
+/// The port number in `digits`; `None` if it is not a number from 1 to 65535.
 pub(super) fn port_number(digits: &str) -> Option<u16> {
     let is_plain = digits.bytes().all(|byte| byte.is_ascii_digit());
     digits.parse().ok().filter(|port| is_plain && *port != 0)

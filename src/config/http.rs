@@ -1,4 +1,4 @@
-//! The HTTP listener: who reaches it, by which names, and who may sign in there.
+//! The HTTP listener: allowed networks, host names, and users.
 
 use super::file::{File, HttpFile, HttpUserFile};
 use super::host::host_and_port;
@@ -9,10 +9,10 @@ use crate::domain::problem::Problem;
 use crate::north::operator::password::StoredHash;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
-/// Most users. A person has one name, and there are few at a gateway.
+/// Maximum number of users. A person has one name, and a gateway has few operators.
 const USERS_MAX: usize = 64;
 
-/// The ready settings of `http`, which stands in `file`; nothing: see `problems`.
+/// The ready settings of `http` in `file`; `None` if it is invalid, see `problems`.
 pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) -> Option<HttpSettings> {
     guarded(&http.listen, &http.allow, &http.location, problems);
     users_are_protected(http, problems);
@@ -37,19 +37,16 @@ pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) 
     })
 }
 
-/// A password never crosses the network in plain view.
+/// A password is never sent unencrypted over the network.
 fn users_are_protected(http: &HttpFile, problems: &mut Vec<Problem>) {
     let elsewhere = http.listen.as_ref().filter(|listen| !is_loopback(listen.value.ip()));
     let (Some(listen), false, OptionalKey::Absent) = (elsewhere, http.users.is_empty(), &http.tls) else { return };
-    let what = format!(
-        "{} can be reached from other hosts, and passwords would cross the network in plain view",
-        listen.value
-    );
+    let what = format!("{} can be reached from other hosts, and passwords would be sent unencrypted", listen.value);
     let right = "`[http.tls]` with `cert_file` and `key_file`, or a loopback address, or no `users`";
     problems.push(http.location.missing("tls").problem(what).right(right));
 }
 
-/// Whoever may sign in may command something.
+/// Users require a drive that they may command.
 fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
     let Some(user) = http.users.first() else { return };
     let takes = |control: &OptionalKey<super::file::ControlFile>| match control {
@@ -72,12 +69,12 @@ fn names_are_unique(users: &[HttpUserFile], problems: &mut Vec<Problem>) {
     for (index, name) in names.iter().enumerate() {
         if let Some(first) = names.iter().take(index).find(|earlier| earlier.value == name.value) {
             let what = format!("the name `{}` is taken by {}", name.value, first.location.key);
-            problems.push(name.location.problem(what).right("a name that no other user has"));
+            problems.push(name.location.problem(what).right("a name that no other user uses"));
         }
     }
 }
 
-/// The names in lower case, as they are compared.
+/// The names in lower case, for comparison.
 fn hosts(given: &OptionalKey<Vec<Spanned<String>>>, problems: &mut Vec<Problem>) -> Option<Vec<String>> {
     let list = match given {
         OptionalKey::Absent => return Some(Vec::new()),
@@ -87,7 +84,7 @@ fn hosts(given: &OptionalKey<Vec<Spanned<String>>>, problems: &mut Vec<Problem>)
     let host = |written: &Spanned<String>| match host_and_port(&written.value) {
         Some((host, None)) => Some(host.to_ascii_lowercase()),
         _ => {
-            let problem = written.location.problem(format!("`{}` is no name of a host", written.value));
+            let problem = written.location.problem(format!("`{}` is not a host name", written.value));
             problems.push(problem.right("a name without a port, as \"gateway.plant.example\""));
             None
         }
@@ -118,7 +115,7 @@ fn one_is_needed(location: &Location, what: &str, problems: &mut Vec<Problem>) {
 }
 
 fn read_hash(text: &Spanned<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
-    // What is no hash may be a password, which belongs into no message.
+    // An invalid hash may be a password, which must not appear in messages.
     let unfit = |why| text.location.problem(format!("the text {why}")).right("what `vfd-gateway password` prints");
     StoredHash::parse(&text.value).map_err(|why| problems.push(unfit(why))).ok()
 }

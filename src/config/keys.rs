@@ -55,7 +55,7 @@ impl Section {
         Self::HttpTls,
     ];
 
-    /// The section's path as it stands in a header; empty for the file itself.
+    /// The section's path as in a header; empty for the file itself.
     #[must_use]
     pub const fn path(self) -> &'static str {
         match self {
@@ -77,7 +77,7 @@ impl Section {
         }
     }
 
-    /// The header as it stands in a file: in double brackets where the table may stand more than once.
+    /// The header as in a file: in double brackets if the table may be repeated.
     #[must_use]
     pub fn header(self) -> String {
         match self {
@@ -92,39 +92,39 @@ impl Section {
 /// One key that the configuration may hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
-    /// Where it stands.
+    /// Its section.
     pub section: Section,
     /// Its name.
     pub name: &'static str,
-    /// What its value may be.
+    /// Its valid values.
     pub kind: &'static str,
-    /// What holds when it is left out; nothing if it must be given.
+    /// Its default; `None` if it is required.
     pub default: Option<&'static str>,
-    /// What it is for, in one line.
+    /// Its purpose, in one line.
     pub about: &'static str,
 }
 
-/// One key that the product's description names but that this version does not serve. It is refused,
-/// because an operator who wrote it would rely on something that is not there.
+/// A known key that this version does not support. It is refused, because an operator who wrote it would rely on
+/// a missing function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotServed {
-    /// Where it would stand.
+    /// Its section.
     pub section: Section,
     /// Its name.
     pub name: &'static str,
-    /// What holds instead, and what to do.
+    /// The alternative.
     pub instead: &'static str,
 }
 
 impl NotServed {
-    /// The sentence that refuses the key.
+    /// The message that refuses the key.
     #[must_use]
     pub fn refusal(&self) -> String {
         format!("`{}` is not supported by this version; a key without effect is refused", self.name)
     }
 }
 
-/// The keys of `section` that are known but not served.
+/// The keys of `section` that are known but not supported.
 pub fn not_served(section: Section) -> impl Iterator<Item = &'static NotServed> {
     NOT_SERVED.iter().filter(move |key| key.section == section)
 }
@@ -144,7 +144,7 @@ const fn refused(section: Section, name: &'static str, instead: &'static str) ->
 }
 
 const FACTORY: Option<&str> = Some("the factory setting that the models of the line share");
-/// Every key that is served, in the order in which a file would have them.
+/// Every supported key, in the usual order of a file.
 #[rustfmt::skip]
 pub const KEYS: &[Key] = &[
     key(Section::Root, "gateway", "table", Some("empty"), "The gateway as a whole."),

@@ -1,4 +1,4 @@
-//! What the polls of a line cost and how long a stop waits there, as far as the configuration tells.
+//! The cost of a line's polls and the waiting time of a stop, as far as the configuration determines them.
 
 use super::file::LineFile;
 use super::ready::{DriveSettings, LineSettings, Silence};
@@ -11,7 +11,7 @@ use crate::profile::model::PollClass;
 use crate::toml_file::values::duration_text;
 use std::time::Duration;
 
-/// How old the fast values of a line may become where the file says nothing.
+/// Default maximum age of a line's fast values.
 pub(super) const DEFAULT_STATUS_AGE: Duration = Duration::from_secs(5);
 
 /// Times of a line, and whether they are allowed only on a pseudo-terminal.
@@ -26,32 +26,32 @@ pub fn timing(line: &LineSettings) -> (Timing, bool) {
     }
 }
 
-/// How long the replies of `drive` are waited for.
+/// The reply time-outs of `drive`.
 #[must_use]
 pub fn reply_timeouts(drive: &DriveSettings) -> ReplyTimeouts {
     drive.reply_timeout.map_or_else(|| ReplyTimeouts::auto(&drive.model.timing), ReplyTimeouts::fixed)
 }
 
-/// `drive` as it costs its line.
+/// The cost of `drive` on its line.
 #[must_use]
 pub fn station(drive: &DriveSettings) -> PlannedStation<'_> {
     let DriveSettings { model, poll, max_lateness, .. } = drive;
     PlannedStation { model, poll: *poll, timeouts: reply_timeouts(drive), max_lateness: *max_lateness }
 }
 
-/// What the polls of `line` cost.
+/// The cost of the polls of `line`.
 #[must_use]
 pub fn budget(line: &LineSettings) -> Budget {
     budget::of_plan(&timing(line).0, line.drives.iter().map(station))
 }
 
-/// How long a stop for one drive of `line` may have to wait.
+/// Maximum waiting time of a stop for one drive of `line`.
 #[must_use]
 pub fn stop_bounds(line: &LineSettings) -> StopBounds {
     budget::stop_bounds(&timing(line).0, line.drives.iter().map(station))
 }
 
-/// By how much longer the stop of a drive of `line` is unconfirmed, at the most, if a reply of it is missing.
+/// Maximum additional time to confirm a stop of a drive of `line` if one of its replies is missing.
 #[must_use]
 pub fn missing_reply_costs(line: &LineSettings) -> Duration {
     let timing = timing(line).0;
@@ -59,9 +59,8 @@ pub fn missing_reply_costs(line: &LineSettings) -> Duration {
     costs.max().unwrap_or_default()
 }
 
-/// The longest time between two frames to the drive at `place` of `line`, while it answers and everything that may
-/// hold them up does so once; nothing if it is not polled fast. The drive's own watchdog has to be set to more than
-/// twice that.
+/// The longest time between two frames to the drive at `place` of `line`, while it answers and each possible delay
+/// occurs once; `None` if it has no fast polls. The drive's own watchdog must be set to more than twice that.
 #[must_use]
 pub fn longest_gap(line: &LineSettings, location: usize) -> Option<Duration> {
     let stations: Vec<_> = line.drives.iter().map(station).collect();
@@ -69,7 +68,7 @@ pub fn longest_gap(line: &LineSettings, location: usize) -> Option<Duration> {
     budget::longest_gap_on_line(&timing(line).0, &stations, location, commanded)
 }
 
-/// A plan that does not fit is stretched; it is refused where that makes the fast values older than they may be.
+/// A plan that does not fit is stretched; it is refused if the fast values would exceed their maximum age.
 pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Problem>) {
     let budget = budget(line);
     let ages = line.drives.iter().enumerate().filter_map(|(location, drive)| Some((budget.fast_age(location)?, drive)));
@@ -92,7 +91,7 @@ pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Pro
     problems.push(location.problem(what).right(advice(line, &budget)));
 }
 
-/// The sum that does not come out: how many drives, what each second of the line would have to carry.
+/// Why the plan does not fit: the number of drives and the load per second.
 fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
     let reads: Vec<&PlannedRead> = budget.stations.iter().flatten().collect();
     let fast = reads.iter().filter(|read| read.group.class == PollClass::Fast).count();
@@ -109,7 +108,7 @@ fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
     )
 }
 
-/// What would make it fit: the poll periods as they could be kept.
+/// Ways to make it fit, including the poll period that does.
 fn advice(line: &LineSettings, budget: &Budget) -> String {
     let slowest = line.drives.iter().map(|drive| drive.poll).max().unwrap_or_default();
     let kept = slowest.mul_f64(budget.stretch).as_secs_f64().ceil();

@@ -1,4 +1,4 @@
-//! What must agree between a line and the models on it: speed, character format, framing, interface.
+//! Agreement between a line and its models: speed, character format, framing, interface.
 
 use super::file::{DriveFile, LineFile};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
@@ -7,7 +7,7 @@ use crate::profile::model::{Link, Model};
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
 use crate::toml_file::{Location, OptionalKey};
 
-/// Data bits of a line that names none.
+/// Default data bits of a line.
 const DEFAULT_DATA_BITS: u8 = 8;
 
 /// A model of a line, with the first drive that has it.
@@ -16,14 +16,14 @@ pub(super) struct OnLine<'a> {
     pub drive: &'a DriveFile,
 }
 
-/// What is settled for a line once it agrees with its models.
+/// The settings of a line that agrees with its models.
 pub(super) struct Settled {
     pub link: LinkSettings,
     pub framing: Framing,
     pub interface: Interface,
 }
 
-/// Settles `line` with its `models`, each of which stands there once. Nothing: see `problems`.
+/// Settles `line` with its distinct `models`. `None`: see `problems`.
 pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Problem>) -> Option<Settled> {
     let framing = choose(line, models, &line.framing, Framing::Rtu, &FRAMING, problems);
     let interface = choose(line, models, &line.interface, Interface::Rs485, &INTERFACE, problems);
@@ -35,7 +35,7 @@ pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Prob
     Some(Settled { link, framing: framing?, interface: interface? })
 }
 
-/// Data bits: RTU frames are bytes, so 7 bits are wrong there whatever the models have.
+/// Data bits: RTU frames are bytes, so 7 bits are invalid there whatever the models support.
 fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, problems: &mut Vec<Problem>) -> Option<u8> {
     match (&line.data_bits, framing) {
         (OptionalKey::Valid(written), Some(Framing::Rtu)) if written.value != 8 => {
@@ -46,10 +46,10 @@ fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, probl
     }
 }
 
-/// One part of the link settings, and where a model says what it may be.
+/// One part of the link settings, and the place of its allowed values in a model.
 struct LinkPart<T: 'static> {
     name: &'static str,
-    /// The value as the file writes it.
+    /// The value as written in a file.
     written: fn(T) -> String,
     allowed: fn(&Link) -> &[T],
 }
@@ -102,7 +102,7 @@ fn choose<T: Copy + PartialEq>(
     }
 }
 
-/// The value of a part that defaults to what the models share.
+/// The value of a part that defaults to the models' common factory setting.
 fn setting<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
@@ -117,7 +117,7 @@ fn setting<T: Copy + PartialEq>(
     }
 }
 
-/// `value`, if every model has it.
+/// `value`, if every model supports it.
 fn possible<T: Copy + PartialEq>(
     location: &Location,
     models: &[OnLine],
@@ -136,7 +136,7 @@ fn possible<T: Copy + PartialEq>(
     (problems.len() == before).then_some(value)
 }
 
-/// The factory setting that all models share. Without any model (all unknown) there is none.
+/// The factory setting common to all models. `None` without any model (all unknown).
 fn shared_factory<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
@@ -150,7 +150,7 @@ fn shared_factory<T: Copy + PartialEq>(
     }
     let each = models.iter().map(|on_line| format!("{} {}", on_line.model.id, (it.part.written)(factory(on_line))));
     let what = format!(
-        "`{}` is left out, and the models of the line come with different factory settings: {}",
+        "`{}` is left out, and the models of the line have different factory settings: {}",
         it.part.name,
         each.collect::<Vec<_>>().join(", ")
     );
@@ -158,7 +158,7 @@ fn shared_factory<T: Copy + PartialEq>(
     None
 }
 
-/// What to write where the factory settings differ.
+/// What to write if the factory settings differ.
 fn advice<T: Copy + PartialEq>(first: &OnLine, others: &[OnLine], part: &LinkPart<T>) -> String {
     let on_all = |value: &&T| others.iter().all(|other| (part.allowed)(&other.model.link).contains(value));
     let shared: Vec<T> = (part.allowed)(&first.model.link).iter().filter(on_all).copied().collect();

@@ -1,5 +1,5 @@
-//! Listeners: which lines each serves, that no two want the same port, that none is open to all, and who of those
-//! who may connect may write.
+//! Listeners: the lines that each serves, conflicts between addresses, networks that may connect, and their rights to
+//! write.
 
 use super::file::{File, ListenerFile};
 use super::listener_tls;
@@ -13,12 +13,12 @@ use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-/// How long a client is silent until it is asked whether it is still there, unless it is said.
+/// Default interval of TCP keep-alive probes.
 pub(super) const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(60);
-/// Shorter times than this are a slip: only 0 is none.
+/// Shorter times are a mistake, except 0, which means none.
 const TIMEOUT_LEAST: Duration = Duration::from_secs(1);
 
-/// The indices of the lines that each listener serves; empty where its list cannot be used.
+/// The indices of the lines that each listener serves; empty if its list is unusable.
 pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
     apart(file, problems);
     for listener in &file.listeners {
@@ -67,7 +67,7 @@ fn line_called(file: &File, name: &Spanned<String>) -> Result<usize, Problem> {
     })
 }
 
-/// No two listeners on the same address, where an address that means all covers every other.
+/// No two listeners use the same address; a wildcard address covers every other.
 fn apart(file: &File, problems: &mut Vec<Problem>) {
     let http = file.http.valid().and_then(|http| http.value.listen.as_ref());
     let modbus = file.listeners.iter().filter_map(|it| it.listen.as_ref());
@@ -75,22 +75,22 @@ fn apart(file: &File, problems: &mut Vec<Problem>) {
     for (index, later) in addresses.iter().enumerate() {
         if let Some(earlier) = addresses.iter().take(index).find(|earlier| collide(earlier.value, later.value)) {
             let what = format!("{} is taken by the listener {}", later.value, earlier.value);
-            problems.push(later.location.problem(what).right("an address or a port of its own"));
+            problems.push(later.location.problem(what).right("a different address or port"));
         }
     }
 }
 
-/// Port 0 is a port that the system chooses, so it collides with nothing.
+/// Port 0 is chosen by the system, so it never conflicts.
 fn collide(one: SocketAddr, other: SocketAddr) -> bool {
     one.port() == other.port() && one.port() != 0 && (covers(one.ip(), other.ip()) || covers(other.ip(), one.ip()))
 }
 
-/// Whether a socket on `wide` takes connections to `narrow`: `::` takes those of both families.
+/// Whether a socket on `wide` accepts connections to `narrow`: `::` accepts both families.
 fn covers(wide: IpAddr, narrow: IpAddr) -> bool {
     wide == narrow || (wide.is_unspecified() && (wide.is_ipv6() || narrow.is_ipv4()))
 }
 
-/// A listener that others can reach must say who may connect.
+/// A listener that other hosts can reach must state who may connect.
 pub(super) fn guarded(
     listen: &RequiredKey<SocketAddr>,
     allow: &OptionalKey<Vec<IpNet>>,
@@ -99,13 +99,13 @@ pub(super) fn guarded(
 ) {
     let Some(listen) = listen else { return };
     if matches!(allow, OptionalKey::Absent) && !is_loopback(listen.value.ip()) {
-        let what = format!("{} can be reached from other hosts, and `allow` does not say by whom", listen.value);
+        let what = format!("{} can be reached from other hosts, and `allow` does not restrict them", listen.value);
         let problem = location.missing("allow").problem(what);
         problems.push(problem.right("allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address"));
     }
 }
 
-/// Whoever may write can connect and may stop, whoever has priority can connect, and reads renew only what somebody may hold.
+/// Networks that may write can connect and may stop, networks with priority can connect, and `reads_renew` requires a right to write.
 fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     for list in [&listener.write, &listener.stop, &listener.priority].into_iter().filter_map(OptionalKey::valid) {
         for network in &list.value {
@@ -123,11 +123,11 @@ fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     }
     if let Some(renew) = listener.reads_renew.valid().filter(|renew| renew.value && !may_be_written(listener)) {
         let problem = renew.location.problem("has no effect: no client may write here, so there is no lease to renew");
-        problems.push(problem.right("`write` with those who may, or leave it out").warning());
+        problems.push(problem.right("`write` with the networks that may, or leave it out").warning());
     }
 }
 
-/// Whether somebody may write here, as far as `write` and the roles tell.
+/// Whether any client may write here, according to `write` and the roles.
 pub(super) fn may_be_written(listener: &ListenerFile) -> bool {
     match &listener.write {
         OptionalKey::Absent => listener_tls::may(listener, RoleRight::Write),
@@ -136,10 +136,10 @@ pub(super) fn may_be_written(listener: &ListenerFile) -> bool {
     }
 }
 
-/// The system counts the one time in whole seconds, and no time at all is 0.
+/// Keep-alive is in whole seconds, and other times must not be shorter than a second; 0 means none.
 fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     if let Some(written) = listener.keep_alive.valid().filter(|written| written.value.subsec_nanos() != 0) {
-        let problem = written.location.problem("the system counts this time in whole seconds");
+        let problem = written.location.problem("the system uses whole seconds for this time");
         problems.push(problem.right(format!("\"{}s\"", written.value.as_secs().max(1))));
     }
     let timeout = listener.idle_timeout.valid();
@@ -149,7 +149,7 @@ fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Each unit that is listed is one of a drive that is served there.
+/// Each listed unit belongs to a drive that the listener serves.
 pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
     for (listener, lines) in file.listeners.iter().zip(served) {
         let Some(listed) = listener.units.valid() else { continue };
@@ -159,7 +159,7 @@ pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<
         }
         let drives = lines.iter().filter_map(|line| units.get(*line)).flatten();
         let known: Option<BTreeSet<UnitId>> = drives.flat_map(|it| [it.native, it.uniform]).collect();
-        // Where one is not known, another problem says so.
+        // An unknown unit is reported as another problem.
         let Some(known) = known.filter(|_| !lines.is_empty()) else { continue };
         let mut seen = BTreeSet::new();
         for unit in &listed.value {
@@ -176,7 +176,7 @@ pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<
     }
 }
 
-/// Clients of `network` reach the listener. Networks are wholly inside each other or apart.
+/// Clients of `network` can reach the listener. Two networks are either nested or disjoint.
 fn can_connect(listener: &ListenerFile, network: &Spanned<IpNet>, problems: &mut Vec<Problem>) {
     let (what, right) = match (&listener.allow, &listener.listen) {
         (OptionalKey::Valid(allow), _) if !allow.value.iter().any(|allow| allow.contains(&network.value)) => {
@@ -195,7 +195,7 @@ fn can_connect(listener: &ListenerFile, network: &Spanned<IpNet>, problems: &mut
     problems.push(network.location.problem(what).right(right));
 }
 
-/// Whether only this host reaches the address.
+/// Whether only this host can reach the address.
 pub(super) fn is_loopback(ip: IpAddr) -> bool {
     ip.to_canonical().is_loopback()
 }

@@ -1,4 +1,4 @@
-//! Modbus Security: what the roles of a listener may do, and whether anybody can use it.
+//! Modbus Security: the rights of a listener's roles.
 
 use super::file::{ListenerFile, ListenerTlsFile, RoleFile};
 use super::lists;
@@ -13,7 +13,7 @@ use ipnet::{IpNet, Ipv4Net, Ipv6Net};
 pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: roles, location }) = roles(listener) else { return };
     if roles.is_empty() {
-        let problem = location.problem("no role is listed, so no request of anybody is answered");
+        let problem = location.problem("no role is listed, so no client is answered");
         problems.push(problem.right("`roles = { operator = [\"write\", \"stop\"], viewer = [] }` with your own roles"));
     }
     for RoleFile { name, rights } in roles {
@@ -35,7 +35,7 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     stops_whom_it_starts(listener, problems);
 }
 
-/// Without `write` whoever may connect may write, as far as their roles say, and must be in `stop`.
+/// Without `write` every network that may connect may write, subject to roles, and must be in `stop`.
 fn stops_whom_it_starts(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     let (OptionalKey::Absent, OptionalKey::Valid(stop), true) =
         (&listener.write, &listener.stop, may(listener, RoleRight::Write))
@@ -47,11 +47,12 @@ fn stops_whom_it_starts(listener: &ListenerFile, problems: &mut Vec<Problem>) {
         let what = format!(
             "without `write` all of {network} may write, and it is not in `stop`: a client that may start must be allowed to stop"
         );
-        problems.push(stop.location.problem(what).right("`write` with those who may, or leave `stop` out as well"));
+        problems
+            .push(stop.location.problem(what).right("`write` with the networks that may, or leave `stop` out as well"));
     }
 }
 
-/// Whether a role of the listener has `right`, or may have it once its list is right. Without roles there is none.
+/// Whether a role of the listener has `right`, or may have it once its list is fixed. False without roles.
 pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
     match &listener.tls {
         OptionalKey::Absent => false,
@@ -63,12 +64,12 @@ pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
     }
 }
 
-/// The rights that roles have, each at its place.
+/// The rights of all roles, with their locations.
 pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &Spanned<RoleRight>> {
     roles(listener).into_iter().flat_map(|roles| &roles.value).flat_map(|role| &role.rights.value)
 }
 
-/// The ready settings; nothing inside: the listener is not encrypted; nothing at all: see the problems.
+/// The ready settings: `Some(None)` if the listener is not encrypted; `None` if they are invalid, see `problems`.
 pub(super) fn settle(listener: &ListenerFile) -> Option<Option<ListenerTls>> {
     match &listener.tls {
         OptionalKey::Absent => Some(None),
@@ -77,7 +78,7 @@ pub(super) fn settle(listener: &ListenerFile) -> Option<Option<ListenerTls>> {
     }
 }
 
-/// From where may be written where no list says that: from wherever may be connected, if a role has any right.
+/// The networks that may write without a list: all that may connect, if any role has a right.
 pub(super) fn networks(allow: Option<&[IpNet]>, tls: &ListenerTls) -> Vec<IpNet> {
     let everywhere = [IpNet::V4(Ipv4Net::default()), IpNet::V6(Ipv6Net::default())];
     let anybody = tls.roles.values().any(|rights| rights.write || rights.stop);

@@ -1,4 +1,4 @@
-//! Lists of words, whatever the words mean.
+//! Lists of words for enumerations.
 
 use super::words::{ACTIONS, DIRECTIONS, ROLE_RIGHTS, RoleRight, WAYS, Way};
 use crate::domain::command::Direction;
@@ -8,7 +8,7 @@ use crate::north::mqtt::Tree;
 use crate::toml_file::words::word_for;
 use crate::toml_file::{OptionalKey, Spanned};
 
-/// A value that stands in a file as a word.
+/// A value that a file writes as a word.
 pub(super) trait Word {
     fn word(&self) -> &'static str;
 }
@@ -43,7 +43,7 @@ impl Word for Tree {
     }
 }
 
-/// Reports each word that stands in `list` before.
+/// Reports each repeated word in `list`.
 pub(super) fn once<T: Word + PartialEq>(list: &[Spanned<T>], problems: &mut Vec<Problem>) {
     for (index, written) in list.iter().enumerate() {
         if list.iter().take(index).any(|earlier| earlier.value == written.value) {
@@ -53,7 +53,7 @@ pub(super) fn once<T: Word + PartialEq>(list: &[Spanned<T>], problems: &mut Vec<
     }
 }
 
-/// The values of a list, none where it is left out; nothing where it is unusable.
+/// The values of a list, empty if it is left out; `None` if it is unusable.
 pub(super) fn values<T: Clone>(list: &OptionalKey<Vec<Spanned<T>>>) -> Option<Vec<T>> {
     match list {
         OptionalKey::Absent => Some(Vec::new()),

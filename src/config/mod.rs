@@ -1,12 +1,12 @@
 //! The configuration file, from its text to ready values or to all its problems at once. Opens nothing.
 //!
-//! `read` takes the values as they are written (`file`), each with its place, and refuses every key that is
-//! not in the table of [`keys`]. `resolve` fills in what is left out and checks what lies between keys: `link`
-//! the lines against their models, `control` and `native` what may be commanded and written, `mqtt` the broker,
-//! `line_plan` what the polls of a line cost, `listen` the listeners with their roles (`listener_tls`), `http` who reaches the page and signs in there, `units` who answers where, `commanders` whether
-//! commands can come at all. Neither stops at the first mistake. A key that has no effect (on this model, or beside the
-//! other keys) is a warning; what changes what may move a motor is an error. What only shows when a port is opened (whether it is a
-//! pseudo-terminal, whether its driver can turn the direction) is left to the daemon.
+//! `read` takes the values as written (`file`), each with its location, and refuses every key that is not in the
+//! table of [`keys`]. `resolve` fills in defaults and checks the rules between keys: `link` compares lines with their
+//! models, `control` and `native` check what may be commanded and written, `mqtt` checks the broker, `line_plan` the cost
+//! of polls, `listen` the listeners with their roles (`listener_tls`), `http` the page and its users, `units` the units of
+//! drives, `commanders` whether commands can arrive at all. Neither stops at the first mistake. A key without effect (on
+//! this model, or beside the other keys) is a warning; a key that affects what may move a motor is an error. Properties
+//! that only show when a port is opened (a pseudo-terminal, a driver that can switch the direction) are left to the daemon.
 
 mod broker;
 pub mod change;
@@ -53,32 +53,32 @@ use crate::toml_file::Spanned;
 use resolve::Models;
 use std::path::PathBuf;
 
-/// The port that `text` writes, for tools that are given one.
+/// Parses a port, for tools that take one as an argument.
 ///
 /// # Errors
-/// It is none: what is wrong, and what would be right.
+/// The text is not a valid port: what is wrong, and what would be right.
 pub fn port_address(text: &str) -> Result<PortAddress, String> {
     port::parse(text).map_err(|(what, right)| format!("{what}; right would be {right}"))
 }
 
-/// The directories whose models belong into the catalogue with which `text` is [loaded](load), each with its place.
-/// None where they cannot be told, which loading reports.
+/// The model directories of `text`, whose models belong to the catalog that it is [loaded](load) with; each with its
+/// location. Empty if they are unusable, which loading reports.
 #[must_use]
 pub fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
     read::model_dirs(text)
 }
 
-/// The configuration that `text` states, with the models of `catalog`.
+/// Loads the configuration in `text`, with the models of `catalog`.
 ///
 /// # Errors
-/// Every problem of the text, at least one of them more than a warning, in the order of the text. A text that is no TOML is
-/// reported as such, and its keys are not looked at. Where there are warnings only, they are in the configuration.
+/// Every problem of the text, by position, at least one of them more than a warning. Invalid TOML is reported as such,
+/// and its keys are not checked. If there are only warnings, they are in the configuration.
 pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
     with_models(text, Models { catalog, are_all: true })
 }
 
-/// The problems of `text` as far as they show with a `catalog` that lacks models, because the files of those have
-/// problems of their own: a drive's model that is not there may be one of them.
+/// The problems of `text` with an incomplete `catalog`, some of whose model files have problems of their own: a
+/// missing model may be one of those.
 #[must_use]
 pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
     with_models(text, Models { catalog, are_all: false }).err().unwrap_or_default()
@@ -97,10 +97,10 @@ fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
     }
 }
 
-/// The CRC of the settings in `text`, which is sound TOML.
+/// The CRC of the settings in `text`, which must be valid TOML.
 fn digest(text: &str) -> u64 {
     const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
-    // Its keys come in the order of their names.
+    // Its keys are in the order of their names.
     let table: toml::Table = text.parse().unwrap_or_default();
     CRC.checksum(table.to_string().as_bytes())
 }

@@ -1,4 +1,4 @@
-//! The broker connection: defaults, and which of its keys go together.
+//! The broker connection: defaults, and rules between its keys.
 
 use super::broker::Address;
 use super::file::{File, HomeAssistantFile, MqttFile, SparkplugFile};
@@ -17,9 +17,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 const DEFAULT_PREFIX: &str = "vfd";
-/// Where Home Assistant looks for what there is.
+/// Home Assistant's default discovery prefix.
 const DEFAULT_DISCOVERY_PREFIX: &str = "homeassistant";
-/// Where Home Assistant says that it is there.
+/// Home Assistant's default status topic.
 const DEFAULT_ALIVE_TOPIC: &str = "homeassistant/status";
 const DEFAULT_HEARTBEAT: Duration = Duration::from_secs(60);
 const DEFAULT_MAX_COMMAND_AGE: Duration = Duration::from_secs(10);
@@ -29,21 +29,21 @@ pub(super) const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_COMMAND_TTL: Duration = Duration::from_secs(1);
 pub(super) const DEFAULT_LEASE: LeaseMode = LeaseMode::Session;
 
-/// A message that waited unnoticed in front of us is told from one that was sent after a stop by so much more than it can
-/// have waited.
+/// Margin by which `restart_delay` exceeds the longest unnoticed delay of a message, so that a delayed message is not
+/// mistaken for one sent after a stop.
 pub(super) const AFTER_UNNOTICED: Duration = Duration::from_secs(1);
-/// Nobody waits longer than this to run again after a stop only because the way through the broker is probed rarely.
+/// Upper limit of the restart delay that rare probes of the path through the broker may require.
 const LONGEST_LEAST: Duration = Duration::from_secs(5);
 
-/// The shortest `restart_delay` where the way through the broker is probed every `probe_interval`.
+/// The shortest `restart_delay` if the path through the broker is probed every `probe_interval`.
 pub(super) const fn least_restart_delay(probe_interval: Duration) -> Duration {
     unnoticed(probe_interval).saturating_add(AFTER_UNNOTICED)
 }
 
-/// What drives take from the section where they say nothing else.
+/// Defaults that drives take from the section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Defaults {
-    /// What keeps a lease.
+    /// What renews a lease.
     pub lease: LeaseMode,
     /// How long plain RUN is refused after a stop.
     pub restart_delay: Duration,
@@ -55,7 +55,7 @@ impl Default for Defaults {
     }
 }
 
-/// What the drives of `file` take from its section, or would.
+/// The defaults for the drives of `file`.
 pub(super) fn defaults(file: &File) -> Defaults {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     let least = mqtt.and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL)).map(least_restart_delay);
@@ -63,7 +63,7 @@ pub(super) fn defaults(file: &File) -> Defaults {
     Defaults { lease: default_lease(file), restart_delay }
 }
 
-/// A way by which drives are commanded is probed often enough.
+/// A path used for commands is probed often enough.
 pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: interval, location }) = file.probe_interval.valid() else { return };
     let controls = whole.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
@@ -81,13 +81,13 @@ pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Pro
     problems.push(location.problem(what).right(format!("at most \"{}\"", duration_text(most))));
 }
 
-/// What keeps a lease of the MQTT side where a drive says nothing of it.
+/// What renews an MQTT lease if a drive has no setting of its own.
 fn default_lease(file: &File) -> LeaseMode {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE)).unwrap_or(DEFAULT_LEASE)
 }
 
-/// What keeps the leases of the drives: the way through the broker if it keeps that of any one.
+/// What renews the leases of the drives: the session, if it renews that of any drive.
 pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
     let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
     let of_mqtt = controls.map(|control| &control.value).filter(|control| control.names(Way::Mqtt).is_some());
@@ -99,8 +99,8 @@ pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
     }
 }
 
-/// The ready settings; nothing: see `problems`.
-/// `lease` is what keeps the leases of the drives.
+/// The ready settings; `None` if it is invalid, see `problems`.
+/// `lease` is what renews the leases of the drives.
 pub(super) fn settle(
     file: &MqttFile,
     whole: &File,
@@ -167,17 +167,20 @@ fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
     }))
 }
 
-/// The nodes of a cluster are different ones, reached alike.
+/// The nodes of a cluster are distinct and use the same scheme.
 fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
     let (Some(broker), Some(list)) = (&file.broker, file.also_at.valid()) else { return };
     for (index, node) in list.value.iter().enumerate() {
         let mut earlier = list.value.iter().take(index).chain([broker]);
         let problem = if broker.value == Address::Embedded {
-            node.location.problem("has no effect: the embedded broker is at one place").right("leave it out").warning()
+            node.location
+                .problem("has no effect: the embedded broker has only one node")
+                .right("leave it out")
+                .warning()
         } else if node.value == Address::Embedded {
-            node.location.problem("the embedded broker is at one place").right("leave it out")
+            node.location.problem("the embedded broker has only one node").right("leave it out")
         } else if earlier.any(|earlier| earlier.value == node.value) {
-            node.location.problem("a node that is named before").right("leave it out").warning()
+            node.location.problem("the node is listed twice").right("leave it out").warning()
         } else if broker.value.is_tls() != node.value.is_tls() {
             let problem = node.location.problem("the nodes of a broker are either all at mqtts:// or all at mqtt://");
             problem.right("as in `broker`")
@@ -188,7 +191,7 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The number of each session is kept beyond the life of the process, and the broker tells both connections apart.
+/// The session number must persist across restarts, and the broker must be able to distinguish both connections.
 fn sparkplug_goes_with(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(SparkplugFile { location, client_id, .. }) = mqtt.sparkplug.valid().map(|it| &it.value) else { return };
     if matches!(file.gateway.data_dir, OptionalKey::Absent) {
@@ -204,7 +207,7 @@ fn sparkplug_goes_with(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>
     }
 }
 
-/// What is published; nothing: see the problems.
+/// What is published; `None` if it is invalid, see `problems`.
 pub(super) fn publish(file: &MqttFile) -> Option<Vec<Tree>> {
     match &file.publish {
         OptionalKey::Absent => Some(Tree::ALL.to_vec()),
@@ -224,7 +227,7 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
     })
 }
 
-/// The other nodes; nothing: see the problems.
+/// The other nodes; `None` if it is invalid, see `problems`.
 fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
     let location = |address| match address {
         Address::Embedded => None,
@@ -256,12 +259,12 @@ fn credentials(file: &MqttFile) -> Option<Option<Credentials>> {
     Some(user.map(|user| Credentials { user, password: from_file.or(from_env) }))
 }
 
-/// The place of a key that is there, whether it can be used or not.
+/// The location of a key that is present, valid or not.
 fn location<T>(given: &OptionalKey<T>) -> Option<&Location> {
     given.valid().map(|written| &written.location)
 }
 
-/// At most one source of a password, and a user whose it is.
+/// At most one source of a password, and only with a user.
 fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let from_file = location(&file.password_file);
     let from_env = location(&file.password_env);
@@ -274,7 +277,7 @@ fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// A password goes in plain view over the network only when the file says that this is meant.
+/// A password is sent unencrypted over the network only if the file allows it explicitly.
 fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(broker) = &file.broker else { return };
     let secret = location(&file.user).or(location(&file.password_file)).or(location(&file.password_env));
@@ -283,19 +286,19 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
     match &file.allow_plain_password {
         OptionalKey::Valid(allowed) if allowed.value && !is_exposed => {
-            let what = "has no effect: no user or password goes over the network in plain view";
+            let what = "has no effect: no user or password is sent unencrypted over the network";
             problems.push(allowed.location.problem(what).right("leave it out").warning());
         }
         OptionalKey::Valid(Spanned { value: true, .. }) | OptionalKey::Invalid => {}
         OptionalKey::Absent | OptionalKey::Valid(_) if is_exposed => {
-            let problem = broker.location.problem("user and password would go over the network in plain view");
+            let problem = broker.location.problem("user and password would be sent unencrypted over the network");
             problems.push(problem.right("`mqtts://`, or `allow_plain_password = true` on a network that you trust"));
         }
         OptionalKey::Absent | OptionalKey::Valid(_) => {}
     }
 }
 
-/// Files for TLS come with TLS, and a certificate with its key.
+/// Files for TLS require TLS, and a certificate requires its key.
 fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
     let cert = &file.client_cert_file;
     let key = &file.client_key_file;
@@ -319,7 +322,7 @@ fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The embedded broker knows nobody.
+/// The embedded broker has no users.
 fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
     if file.broker.as_ref().is_none_or(|broker| broker.value != Address::Embedded) {
         return;
@@ -327,11 +330,11 @@ fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
     for location in
         [location(&file.user), location(&file.password_file), location(&file.password_env)].into_iter().flatten()
     {
-        problems.push(location.problem("the embedded broker knows no users").right("leave it out"));
+        problems.push(location.problem("the embedded broker has no users").right("leave it out"));
     }
 }
 
-/// What is announced, and what Home Assistant says of itself, does not stand among the gateway's own topics.
+/// Announcements, and Home Assistant's own status, must lie outside the gateway's topics.
 fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(home_assistant) = file.home_assistant.valid() else { return };
     let (Some(prefix), Some(own)) = (home_assistant.value.prefix.valid(), file.prefix.or(DEFAULT_PREFIX.to_owned()))
@@ -344,7 +347,7 @@ fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// What is announced shows what is published.
+/// Announced entities require published topics.
 fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
     let (Some(home_assistant), Some(list)) = (file.home_assistant.valid(), file.publish.valid()) else { return };
     let is_announced = home_assistant.value.discovery.as_ref().is_some_and(|discovery| discovery.value);
@@ -358,11 +361,11 @@ fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Keys that would do nothing beside others.
+/// Keys that have no effect in combination with others.
 fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
     let alive_topic = file.alive_topic.valid().filter(|topic| topic.value.is_some());
     if let (Some(topic), LeaseMode::Explicit) = (alive_topic, lease) {
-        let problem = topic.location.problem("has no effect: an explicit lease does not hang on any topic of others");
+        let problem = topic.location.problem("has no effect: an explicit lease does not depend on a topic");
         problems.push(problem.right("leave it out, or lease = \"session\"").warning());
     }
     if let (Some(prefix), Some(Version::V4)) = (location(&file.response_prefix), file.version.or(Version::V5)) {

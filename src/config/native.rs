@@ -1,4 +1,4 @@
-//! The registers of a drive that may be written natively.
+//! The native registers of a drive that clients may write.
 
 use super::file::DriveFile;
 use crate::domain::control::ControlSettings;
@@ -7,7 +7,7 @@ use crate::profile::model::{Model, Register, Role};
 use crate::toml_file::{OptionalKey, Spanned};
 use std::time::Duration;
 
-/// The addresses that `drive` lets be written, in the order of the list; nothing: see `problems`.
+/// The writable addresses of `drive`, in the order of the list; `None` if it is invalid, see `problems`.
 pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Vec<u16>> {
     let Spanned { value: file, location } = match &drive.native {
         OptionalKey::Absent => return Some(Vec::new()),
@@ -15,7 +15,7 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
         OptionalKey::Valid(native) => native,
     };
     if matches!(drive.control, OptionalKey::Absent) {
-        let what = "registers are written by those who may command, and the drive has no control section";
+        let what = "only clients that may command can write registers, and the drive has no control section";
         problems.push(location.problem(what).right("a `[line.drive.control]`, or leave `native` out").warning());
     }
     let list = file.write.as_ref()?;
@@ -30,7 +30,7 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
             Ok(listed) if model.sets_watchdog(listed.address) => {
                 let problem =
                     written.location.problem(format!("`{}` sets the drive's own watchdog", listed.register.name));
-                problems.push(problem.right("leave it out; `vfd-gateway watchdog` sets it, and nothing else does"));
+                problems.push(problem.right("leave it out; only `vfd-gateway watchdog` sets it"));
             }
             Ok(listed) => addresses.push(listed.address),
             Err(problem) => problems.push(problem),
@@ -39,7 +39,7 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
     Some(addresses)
 }
 
-/// Least time between two writes of a stored register of `drive`; nothing: see the problems.
+/// Minimum time between two writes of a stored register of `drive`; `None` if it is invalid, see `problems`.
 pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
     match &drive.native {
         OptionalKey::Absent => Some(ControlSettings::STORED_WRITE_INTERVAL),
@@ -48,18 +48,18 @@ pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
     }
 }
 
-/// What an address of the list writes to.
+/// The register that a listed address writes to.
 #[derive(Clone, Copy)]
 pub struct Listed<'m> {
     /// The address itself.
     pub address: u16,
     /// The register there.
     pub register: &'m Register,
-    /// The register of which it is the stored twin, where it is one.
+    /// The register whose stored twin it is, if it is one.
     pub twin_of: Option<&'m Register>,
 }
 
-/// What `address` writes to on `model`; nothing: the model has no register there.
+/// The register that `address` writes to on `model`; `None` if there is none.
 #[must_use]
 pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
     let twin_of = model.quirks.stored_alias_bit.as_ref().and_then(|bit| {
@@ -71,9 +71,9 @@ pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
 }
 
 impl Listed<'_> {
-    /// It, if it may be opened for writing.
+    /// Itself, if it may be made writable.
     fn writable(self, written: &Spanned<String>) -> Result<Self, Problem> {
-        // A register that the configuration adds may stand at the address of a twin.
+        // A register added by the configuration may be at the address of a twin.
         for register in self.twin_of.into_iter().chain([self.register]) {
             self.is_no_way_around_control(register, written)?;
         }
@@ -90,24 +90,24 @@ impl Listed<'_> {
             return Err(refused(&format!("is never written: {why}")).right("leave it out"));
         }
         match register.role {
-            Some(Role::RunCommand | Role::FrequencyCommand) => Err(refused("is what commands are written to").right(
+            Some(Role::RunCommand | Role::FrequencyCommand) => Err(refused("takes commands").right(
                 "leave it out; `control` says what may be commanded, and each write there is reviewed as a command",
             )),
             Some(role) if role.is_guarded() => {
-                Err(refused("decides what the motor obeys, and would be a way around `control`").right("leave it out"))
+                Err(refused("selects the source of commands, and would bypass `control`").right("leave it out"))
             }
             _ => Ok(()),
         }
     }
 
-    /// `register` as a message calls it.
+    /// The label of `register` in messages.
     fn called(self, register: &Register) -> String {
         let twin = if register.address == self.address { "" } else { "the stored twin of " };
         format!("{twin}`{}`", register.name)
     }
 }
 
-/// What `written` calls by the name or the code of a register or, in hexadecimal, by an address.
+/// Finds the register for `written`: a name, a code, or an address in hexadecimal.
 fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
     let text = written.value.as_str();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {

@@ -1,4 +1,4 @@
-//! How the polled registers of a drive are published over MQTT: dead bands, heartbeats and decimals.
+//! Publication of a drive's polled registers over MQTT: dead bands, heartbeats and decimals.
 
 use super::file::{DriveFile, File};
 use super::mqtt;
@@ -9,7 +9,7 @@ use crate::profile::model::{Model, Register};
 use crate::profile::scale::digits_of;
 use crate::toml_file::{OptionalKey, Spanned};
 
-/// The tables of `drive`, by the names of registers that are polled; nothing: see `problems`. `is_published`: whether
+/// The tables of `drive`, by the names of registers that are polled; `None` if it is invalid, see `problems`. `is_published`: whether
 /// there is a broker to publish to.
 pub(super) fn settle(
     drive: &DriveFile,
@@ -62,7 +62,7 @@ fn polled(model: &Model) -> impl Iterator<Item = &Register> {
     model.registers.iter().filter(|it| it.poll.is_some())
 }
 
-/// The names of those that would get digits that they have not, which would only look exact.
+/// The names of registers that would get more decimals than they have, which would only look precise.
 fn too_fine<'t>(table: &'t [(String, Spanned<u8>)], model: &Model, problems: &mut Vec<Problem>) -> Vec<&'t str> {
     let mut left_out = Vec::new();
     for (name, written) in table {
@@ -76,7 +76,7 @@ fn too_fine<'t>(table: &'t [(String, Spanned<u8>)], model: &Model, problems: &mu
     left_out
 }
 
-/// Tables that would do nothing, because what they are about is not published.
+/// Tables without effect, because their topics are not published.
 pub(super) fn idle(file: &File, problems: &mut Vec<Problem>) {
     let Some(written) = file.mqtt.valid().map(|written| &written.value) else { return };
     let Some(publish) = mqtt::publish(written) else { return };

@@ -1,4 +1,4 @@
-//! What a line is reached through: the address of its port, and which keys go with which kind of port.
+//! The port of a line: its address, and the keys that apply to each kind of port.
 
 use super::file::LineFile;
 use super::host::{host_and_port, port_number};
@@ -9,19 +9,19 @@ use crate::toml_file::{Location, OptionalKey};
 use std::net::Ipv6Addr;
 use std::path::PathBuf;
 
-/// What a port may look like.
+/// Examples of valid ports.
 const RIGHT: &str = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\", or a serial device server, as \
                      \"tcp://10.0.0.7:4001\"";
 
-/// Why a text is no port: what is wrong with it, and what would be right.
+/// Why a text is not a valid port: what is wrong, and what would be right.
 pub(super) type Wrong = (String, String);
 
-/// The port that `text` writes.
+/// Parses a port.
 pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
     let Some((scheme, rest)) = text.split_once("://") else {
         return match PathBuf::from(text) {
             path if path.is_absolute() => Ok(PortAddress::Device(path)),
-            _ => Err((format!("`{text}` is no absolute path"), RIGHT.to_owned())),
+            _ => Err((format!("`{text}` is not an absolute path"), RIGHT.to_owned())),
         };
     };
     let wrong = |what: &str, right: &str| Err((format!("`{text}` {what}"), right.to_owned()));
@@ -30,7 +30,7 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
         "modbus-tcp" => {
             let right = "the serial line of these drives; or `tcp://` where a serial device server passes the frames of \
                          the line on as they are, with their checksums";
-            return Err(("drives that speak Modbus TCP themselves are not served".to_owned(), right.to_owned()));
+            return Err(("drives with their own Modbus TCP interface are not supported".to_owned(), right.to_owned()));
         }
         _ => return Err((format!("a line over `{scheme}://` is not served"), RIGHT.to_owned())),
     }
@@ -44,7 +44,7 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
         return wrong("names no port, and there is no usual one", &right);
     };
     let Some(port) = port_number(digits) else { return wrong("has no usable port", "a port from 1 to 65535") };
-    // One host has one spelling, so that a port that stands twice is seen.
+    // One spelling per host, so that duplicate ports are found.
     let host = host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: Ipv6Addr| ip.to_string());
     Ok(PortAddress::Tcp { host, port })
 }
@@ -64,7 +64,7 @@ pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Why nobody on this side of `line` turns the direction of an adapter; nothing: somebody may.
+/// Why the direction of an adapter is not switched on this side of `line`; `None` if it may be.
 pub(super) fn why_not_turned(line: &LineFile) -> Option<&'static str> {
     if is_tcp(line) {
         return Some("the direction is turned by the serial device server, not from here");
@@ -107,13 +107,17 @@ mod tests {
     fn whatever_else_is_refused_with_what_would_be_right() {
         let usual = "/dev/ttyUSB0";
         for (text, what, right) in [
-            ("", "`` is no absolute path", usual),
-            ("ttyUSB0", "`ttyUSB0` is no absolute path", usual),
-            ("10.0.0.7:4001", "is no absolute path", "tcp://"),
+            ("", "`` is not an absolute path", usual),
+            ("ttyUSB0", "`ttyUSB0` is not an absolute path", usual),
+            ("10.0.0.7:4001", "is not an absolute path", "tcp://"),
             ("http://10.0.0.7:4001", "a line over `http://` is not served", "tcp://"),
             ("TCP://10.0.0.7:4001", "a line over `TCP://` is not served", "tcp://"),
             ("udp://10.0.0.7:4001", "a line over `udp://` is not served", "tcp://"),
-            ("modbus-tcp://10.0.0.7:502", "drives that speak Modbus TCP themselves are not served", "serial line"),
+            (
+                "modbus-tcp://10.0.0.7:502",
+                "drives with their own Modbus TCP interface are not supported",
+                "serial line",
+            ),
             ("tcp://", "has no usable host", usual),
             ("tcp://:4001", "has no usable host", usual),
             ("tcp://a b:4001", "has no usable host", usual),

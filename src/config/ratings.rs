@@ -1,4 +1,4 @@
-//! Rated values of a drive, where its model reports in per cent of them.
+//! Rated values of a drive, for models that report in percent of them.
 
 use super::file::DriveFile;
 use crate::domain::problem::Problem;
@@ -7,7 +7,7 @@ use crate::drive::description::Ratings;
 use crate::profile::model::{Model, Role};
 use crate::toml_file::OptionalKey;
 
-/// Something that a nameplate states, and what is in per cent of it.
+/// A rated value, and the readings that are in percent of it.
 struct Rated {
     key: &'static str,
     what: &'static str,
@@ -29,7 +29,7 @@ const VOLTAGE: Rated = Rated {
 };
 
 impl Rated {
-    /// Whether `model` reports in per cent of it.
+    /// Whether `model` reports in percent of it.
     fn is_used_by(&self, model: &Model) -> bool {
         let is_relative =
             |role: &Role| model.register_for(*role).is_some_and(|register| register.unit == UnitOfMeasure::Percent);
@@ -45,21 +45,21 @@ impl Rated {
         if let (OptionalKey::Valid(written), Some(model)) = (given, model)
             && !self.is_used_by(model)
         {
-            let what = format!("has no effect: {} reports no {} in per cent of the rated one", model.id, self.what);
+            let what = format!("has no effect: {} reports no {} in percent of the rated one", model.id, self.what);
             problems.push(written.location.problem(what).right("leave it out").warning());
         }
         given.clone().optional()
     }
 }
 
-/// The rated values of `drive`; nothing: see `problems`.
+/// The rated values of `drive`; `None` if it is invalid, see `problems`.
 pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Ratings> {
     let current_ma = CURRENT.settle(&drive.rated_current, model, problems);
     let voltage_mv = VOLTAGE.settle(&drive.rated_voltage, model, problems);
     Some(Ratings { current_ma: current_ma?, voltage_mv: voltage_mv? })
 }
 
-/// What can only be shown in per cent on a drive of `model`, each with the key that it takes to change that.
+/// The readings that can only be shown in percent on a drive of `model`, each with the key that changes that.
 pub fn shown_in_per_cent(model: &Model, ratings: &Ratings) -> impl Iterator<Item = (&'static str, &'static str)> {
     let missing = |rated: &Rated| rated.is_used_by(model) && (rated.value)(ratings).is_none();
     [CURRENT, VOLTAGE].into_iter().filter(missing).map(|rated| (rated.what, rated.key))

@@ -1,4 +1,4 @@
-//! Ready values of the broker's table: how it is reached, as whom, and what is said there.
+//! Ready settings of the broker connection.
 
 use crate::domain::ids::Name;
 use crate::north::broker::{Qos, Version};
@@ -11,81 +11,81 @@ use std::time::Duration;
 /// The connection to a broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MqttSettings {
-    /// Where it is.
+    /// Its address.
     pub broker: BrokerSettings,
-    /// Who the gateway is there; nothing: anonymous.
+    /// The gateway's user. `None`: anonymous.
     pub credentials: Option<Credentials>,
-    /// The client identifier; nothing: see [`Self::client_id`].
+    /// The client identifier. `None`: see [`Self::client_id`].
     pub client_id: Option<String>,
     /// Protocol version.
     pub version: Version,
-    /// At which quality of service commands are subscribed.
+    /// QoS of the command subscriptions.
     pub subscription_qos: Qos,
     /// First levels of all topics, without a slash at either end.
     pub prefix: String,
-    /// A value that does not change is published again after this time, 1 s to 1 h.
+    /// Interval after which an unchanged value is published again, 1 s to 1 h.
     pub heartbeat: Duration,
-    /// The protocol's own sign of life, 5 s to 10 min, in whole seconds.
+    /// The keep-alive interval of MQTT, 5 s to 10 min, in whole seconds.
     pub keep_alive: Duration,
-    /// What keeps the leases of the MQTT side alive: the way through the broker, if that keeps one of a drive.
+    /// What renews the leases of MQTT clients: the session, if it renews that of any drive.
     pub lease: LeaseMode,
-    /// A topic whose payload `offline` says that the commanders are gone; nothing: none, as with explicit leases.
+    /// A topic whose payload `offline` means that the clients are gone. `None`: none, as with explicit leases.
     pub alive_topic: Option<String>,
-    /// How often the way through the broker is probed, 200 ms to 1 min.
+    /// Interval of probes of the path through the broker, 200 ms to 1 min.
     pub probe_interval: Duration,
-    /// Deadline of a command that names none, 100 ms to 1 min; shorter than every lease.
+    /// Default deadline of a command, 100 ms to 1 min; shorter than every lease.
     pub command_ttl: Duration,
-    /// Topics under which a requester may ask for the response; nothing: response topics are ignored.
+    /// Prefix of the response topics that a requester may name. `None`: response topics are ignored.
     pub response_prefix: Option<String>,
-    /// Most changes of telemetry that are kept while the broker is away, 0 to 100,000; 0: none.
+    /// Maximum number of telemetry changes kept while the broker is unreachable, 0 to 100,000.
     pub keep_telemetry: u32,
-    /// What is published beside that which always is, each once.
+    /// Optional topics to publish, each once.
     pub publish: Vec<Tree>,
-    /// Discovery by Home Assistant; nothing: nothing is said to it.
+    /// Discovery by Home Assistant. `None`: off.
     pub home_assistant: Option<HomeAssistant>,
-    /// Sparkplug B; nothing: nothing is said to its hosts.
+    /// Sparkplug B. `None`: off.
     pub sparkplug: Option<SparkplugSettings>,
 }
 
-/// Sparkplug B at the same broker, by a connection of its own.
+/// Sparkplug B at the same broker, over a separate connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SparkplugSettings {
     /// The group: one level of a topic.
     pub group: String,
-    /// The host without which nothing is born; nothing: nobody is waited for.
+    /// The primary host that births wait for. `None`: births do not wait.
     pub primary_host: Option<String>,
-    /// The client identifier; nothing: see [`MqttSettings::sparkplug_client_id`].
+    /// The client identifier. `None`: see [`MqttSettings::sparkplug_client_id`].
     pub client_id: Option<String>,
-    /// The oldest that a command may be by its timestamp, 1 s to 5 min.
+    /// Maximum age of a command by its timestamp, 1 s to 5 min.
     pub max_command_age: Duration,
-    /// Most changes of telemetry that are kept while no host can be told, 0 to 100,000.
+    /// Maximum number of telemetry changes kept while no host is online, 0 to 100,000.
     pub keep_telemetry: u32,
 }
 
 impl MqttSettings {
-    /// Probes that may stay out before the connection is given up. A session lease outlives as many.
+    /// Missing probes that end the connection. A session lease outlasts as many.
     pub const PROBES: u32 = 3;
 
-    /// Whether the broker is a child of this process.
+    /// Whether the broker is embedded.
     #[must_use]
     pub fn is_embedded(&self) -> bool {
         self.broker == BrokerSettings::Embedded
     }
 
-    /// The client identifier of the gateway called `gateway`.
+    /// The client identifier for a gateway called `gateway`.
     #[must_use]
     pub fn client_id(&self, gateway: &Name) -> String {
         self.client_id.clone().unwrap_or_else(|| format!("vfd-gateway-{gateway}"))
     }
 
-    /// The client identifier of its Sparkplug side.
+    /// The client identifier of its Sparkplug connection.
     #[must_use]
     pub fn sparkplug_client_id(&self, gateway: &Name) -> String {
         let own = self.sparkplug.as_ref().and_then(|sparkplug| sparkplug.client_id.clone());
         own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway)))
     }
 
-    /// What the Sparkplug session of the gateway called `gateway` needs; nothing: there is none.
+    /// The settings of the Sparkplug session for a gateway called `gateway`; `None` without Sparkplug.
     #[must_use]
     pub fn sparkplug_session(&self, gateway: Name) -> Option<sparkplug::Settings> {
         let settings = self.sparkplug.as_ref()?;
@@ -103,7 +103,7 @@ impl MqttSettings {
         })
     }
 
-    /// What the MQTT session of the gateway called `gateway` needs.
+    /// The settings of the MQTT session for a gateway called `gateway`.
     #[must_use]
     pub fn session(&self, gateway: Name) -> Settings {
         Settings {
@@ -125,10 +125,10 @@ impl MqttSettings {
     }
 }
 
-/// Where the broker is.
+/// The address of the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BrokerSettings {
-    /// A child of this process, for trying out.
+    /// Embedded, for trials.
     Embedded,
     /// On the network.
     Tcp {
@@ -136,15 +136,15 @@ pub enum BrokerSettings {
         host: String,
         /// Port, from 1.
         port: u16,
-        /// Where the other nodes of its cluster are.
+        /// The other nodes of its cluster.
         also_at: Vec<(String, u16)>,
-        /// How the connection is encrypted; nothing: it is not.
+        /// TLS settings. `None`: the connection is not encrypted.
         tls: Option<TlsSettings>,
     },
 }
 
 impl fmt::Display for BrokerSettings {
-    /// As the file writes it, with its port.
+    /// As written in the file, with its port.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Embedded => f.write_str("embedded"),
@@ -160,12 +160,12 @@ impl fmt::Display for BrokerSettings {
     }
 }
 
-/// How a connection is encrypted. The broker's certificate is always verified.
+/// TLS settings of a connection. The broker's certificate is always verified.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TlsSettings {
-    /// The authority that signed the broker's certificate; nothing: those that the system trusts.
+    /// The certificate authority of the broker. `None`: those that the system trusts.
     pub ca_file: Option<PathBuf>,
-    /// By which certificate the broker knows the gateway; nothing: by none.
+    /// The gateway's client certificate, if any.
     pub client: Option<ClientCertificate>,
 }
 
@@ -178,19 +178,19 @@ pub struct ClientCertificate {
     pub key_file: PathBuf,
 }
 
-/// Who the gateway is at the broker.
+/// The gateway's user at the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Credentials {
     /// The user's name.
     pub user: String,
-    /// Where the password is; nothing: there is none.
+    /// The source of the password, if any.
     pub password: Option<PasswordSource>,
 }
 
-/// Where a password is read from when it is needed.
+/// The source that a password is read from when needed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PasswordSource {
-    /// The text of the file at this absolute path.
+    /// The content of the file at this absolute path.
     File(PathBuf),
     /// The environment variable of this name.
     Env(String),

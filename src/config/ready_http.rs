@@ -11,31 +11,31 @@ use std::path::PathBuf;
 pub struct HttpSettings {
     /// Address and port. No other listener has the same.
     pub listen: SocketAddr,
-    /// Who may connect; `None`: everyone who can, which is this host only (a listener elsewhere has a list).
+    /// Networks that may connect. `None`: every client that can, which is this host only (other listeners have a list).
     pub allow: Option<Vec<IpNet>>,
-    /// Names by which browsers may call the gateway besides addresses and the host's own, in lower case.
+    /// Additional host names for browsers, besides addresses and the host's own name, in lower case.
     pub hosts: Vec<String>,
-    /// Who may sign in and command; nobody: the page only shows. Only on loopback or with TLS.
+    /// Users that may sign in and command. Empty: the page is read-only. Only on loopback or with TLS.
     pub users: Vec<UserSettings>,
-    /// How connections are encrypted; nothing: they are not.
+    /// TLS settings. `None`: connections are not encrypted.
     pub tls: Option<HttpTls>,
 }
 
 /// A user who may sign in on the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UserSettings {
-    /// Unique among the users; the owner of what is commanded.
+    /// Unique among the users; the owner of their commands.
     pub name: CommanderName,
     /// The password as a hash.
     pub hash: HashSource,
 }
 
-/// Where the hash of a password is.
+/// The source of a password's hash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum HashSource {
     /// In the configuration.
     Text(StoredHash),
-    /// It is the text of the file at this absolute path.
+    /// The content of the file at this absolute path.
     File(PathBuf),
 }
 

@@ -1,4 +1,4 @@
-//! From the configuration as written to ready values: defaults, models, and the rules between keys.
+//! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
 
 use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
 use super::link::{self, OnLine, Settled};
@@ -22,18 +22,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The poll period of a drive that names none.
+/// Default poll period of a drive.
 const DEFAULT_POLL: Duration = Duration::from_millis(500);
 
 /// The models that a configuration may name.
 #[derive(Clone, Copy)]
 pub(super) struct Models<'a> {
     pub catalog: &'a Catalog,
-    /// Whether the catalogue holds all of them. A name that is not in it may be a slip of the pen only then.
+    /// Whether the catalog is complete. Only then can an unknown name be reported as a typing error.
     pub are_all: bool,
 }
 
-/// The ready configuration; nothing if anything of `file` cannot be used, which `problems` then says.
+/// The ready configuration; `None` if any part of `file` is unusable, see `problems`.
 pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Config> {
     unique(file, problems);
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
@@ -75,13 +75,13 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         listeners: listeners.collect::<Option<Vec<_>>>()?,
         mqtt: mqtt?,
         http: http?,
-        // Of the text, which is not known here.
+        // Computed from the text, which is not known here.
         digest: 0,
         warnings: Vec::new(),
     })
 }
 
-/// Without a directory there is nowhere to keep anything.
+/// A journal requires a data directory.
 fn ready_journal(journal: &JournalFile, file: &File, problems: &mut Vec<Problem>) -> Option<JournalSettings> {
     if matches!(file.gateway.data_dir, OptionalKey::Absent) {
         let problem = journal.location.problem("has no effect: there is no journal without a data directory");
@@ -90,7 +90,7 @@ fn ready_journal(journal: &JournalFile, file: &File, problems: &mut Vec<Problem>
     Some(JournalSettings { max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)? })
 }
 
-/// What `settle` makes of a table, nothing inside where it is left out; nothing at all: see the problems.
+/// The table converted by `settle`: `Some(None)` if it is left out; `None` if it is invalid, see `problems`.
 fn whole<T, U>(given: &OptionalKey<T>, settle: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
     match given {
         OptionalKey::Absent => Some(None),
@@ -99,13 +99,13 @@ fn whole<T, U>(given: &OptionalKey<T>, settle: impl FnOnce(&T) -> Option<U>) -> 
     }
 }
 
-/// What the catalogue adds to a line as it is written.
+/// Data that the catalog adds to a line as written.
 struct LineParts {
     drives: Vec<DriveParts>,
     settled: Option<Settled>,
 }
 
-/// What hangs on the model of a drive; what is nothing stands in the problems.
+/// Values that depend on a drive's model; for each `None` there is a problem.
 struct DriveParts {
     model: Option<Arc<Model>>,
     control: Option<Option<Arc<ControlSettings>>>,
@@ -113,14 +113,14 @@ struct DriveParts {
     points: Option<Points>,
 }
 
-/// Names of lines, names of drives and ports stand once.
+/// Names of lines, names of drives and ports are unique.
 fn unique(file: &File, problems: &mut Vec<Problem>) {
     let line_names = file.lines.iter().filter_map(|line| line.name.as_ref());
     let drive_names = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.name.as_ref());
     let ports = file.lines.iter().filter_map(|line| line.port.as_ref());
-    once(line_names, |name| format!("the name `{name}`"), "a name that no other line has", problems);
-    once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway has", problems);
-    let right = "a port of its own; drives on one bus belong to one line";
+    once(line_names, |name| format!("the name `{name}`"), "a name that no other line uses", problems);
+    once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway uses", problems);
+    let right = "a different port; drives on one bus belong to one line";
     once(ports, |port| format!("the port {port}"), right, problems);
     let model_dirs = file.gateway.model_dirs.valid().map_or(&[][..], |dirs| &dirs.value);
     for (at, dir) in model_dirs.iter().enumerate() {
@@ -148,8 +148,8 @@ fn once<'a, T: Ord + 'a>(
     }
 }
 
-/// Looks up the models of a line and checks what one line must keep, whatever the others do.
-/// `of_mqtt` is what drives take from the MQTT side; nothing: there is none.
+/// Looks up the models of a line and checks the rules within that line.
+/// `of_mqtt` holds the drives' defaults from `[mqtt]`, if there is one.
 fn parts_of(line: &LineFile, models: Models<'_>, of_mqtt: Option<Defaults>, problems: &mut Vec<Problem>) -> LineParts {
     let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, of_mqtt, problems)).collect();
     stations(line, &drives, problems);
@@ -187,7 +187,7 @@ fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The model of a drive, with the registers that the file adds to it.
+/// The model of a drive, with the registers that the file adds.
 fn model_of(drive: &DriveFile, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Arc<Model>> {
     let written = drive.model.as_ref()?;
     let Some(model) = models.catalog.find(&written.value).cloned() else {
@@ -211,7 +211,7 @@ fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
     }
 }
 
-/// Each station is in its model's range and stands once on the line.
+/// Each station is in its model's range and unique on the line.
 fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) {
     let mut owners: BTreeMap<Station, &DriveFile> = BTreeMap::new();
     for (drive, parts) in line.drives.iter().zip(parts) {
@@ -225,8 +225,8 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
             owners.insert(station.value, drive);
             continue;
         };
-        let what = format!("{} and {} would both answer at station {}", owner.label(), drive.label(), station.value);
-        problems.push(station.location.problem(what).right("a station that no other drive of the line has"));
+        let what = format!("{} and {} both use station {}", owner.label(), drive.label(), station.value);
+        problems.push(station.location.problem(what).right("a station that no other drive on the line uses"));
     }
 }
 
@@ -260,12 +260,12 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
     })
 }
 
-/// What the drives of a line have from it.
+/// Defaults that drives take from their line.
 struct Shared {
     framing: Framing,
-    /// For drives that have none of their own.
+    /// Reply time-out for drives without their own.
     reply_timeout: Option<Duration>,
-    /// The least that holds for drives that have none of their own.
+    /// Minimum lateness for drives without their own setting.
     max_lateness: Duration,
 }
 

@@ -1,4 +1,4 @@
-//! Under which units each drive is reached, and that no listener serves two drives at the same one.
+//! The units of each drive, and conflicts between them on a listener.
 
 use super::file::{DriveFile, File, ListenerFile};
 use crate::domain::ids::UnitId;
@@ -6,15 +6,15 @@ use crate::domain::problem::Problem;
 use crate::toml_file::{Location, OptionalKey};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How far the uniform unit of a drive that names none lies above its native one.
+/// Default distance of the uniform unit above the native one.
 const UNIFORM_ABOVE: u8 = 100;
 
-/// The units of one drive; what is nothing stands in the problems.
+/// The units of one drive; for each `None` there is a problem.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Units {
-    /// Where its own registers are.
+    /// The unit of its own registers.
     pub native: Option<UnitId>,
-    /// Where the uniform registers are.
+    /// The unit of its uniform registers.
     pub uniform: Option<UnitId>,
 }
 
@@ -55,7 +55,7 @@ fn units_of(drive: &DriveFile, shared: Option<&ListenerFile>, free: &mut Free, p
     Units { native, uniform: uniform_of(drive, native, free, problems) }
 }
 
-/// The native unit: as written, or the station where the line shares its listeners with no other line.
+/// The native unit: as written, or the station if the line shares its listeners with no other line.
 fn native_of(
     drive: &DriveFile,
     shared: Option<&ListenerFile>,
@@ -67,7 +67,7 @@ fn native_of(
         OptionalKey::Invalid => return None,
         OptionalKey::Absent => {}
     }
-    // No model has a station that is no unit, so what falls out here is reported as a station.
+    // Every valid station is a valid unit, so an invalid one is already reported as a station.
     let station = drive.station.as_ref().and_then(|station| UnitId::new(station.value.0));
     let Some(listener) = shared else { return station };
     let what = format!("`unit` is left out, and {} serves more than one line", listener.label());
@@ -75,7 +75,7 @@ fn native_of(
     None
 }
 
-/// The uniform unit: as written, or far above the native one.
+/// The uniform unit: as written, or the native one plus the default distance.
 fn uniform_of(
     drive: &DriveFile,
     native: Option<UnitId>,

@@ -1,4 +1,4 @@
-//! One half-duplex bus with simulated drives: the master's bytes in, the drives' bytes out at their moments.
+//! A half-duplex bus with simulated drives: the master's bytes in, the drives' bytes out, each at its moment.
 
 use super::drive::SimDrive;
 use super::fault::{Fate, FaultPlan, Faults};
@@ -14,37 +14,37 @@ use std::time::Duration;
 /// Whether characters take time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Pacing {
-    /// Every byte takes its character time, in both directions, and the drives need their turnaround.
+    /// Every byte takes its character time, in both directions, and drives need their turnaround.
     #[default]
     CharacterTimes,
     /// Bytes take no time and a reply is due at once, unless a fault makes it late. For benches.
     None,
 }
 
-/// Whoever is no drive of the bus.
+/// The sender of bytes that come from no drive of the bus.
 const NOBODY: Station = Station(0);
 
-/// How a bus behaves.
+/// The behaviour of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusOptions {
-    /// How frames are told apart.
+    /// The framing.
     pub framing: Framing,
     /// Whether characters take time.
     pub pacing: Pacing,
-    /// From the end of a request's last character to the start of the reply's first one.
+    /// Time from the end of a request to the start of its reply.
     pub turnaround: Duration,
-    /// Silence that the master has to keep before a request, and that ends an RTU request. Nothing: the longest that
-    /// a model on the bus needs, but at least 1.75 ms above 19,200 bit/s (Modbus over serial line V1.02, 2.5.1.1) and
+    /// Silence that the master must keep before a request, and that ends an RTU request. `None`: the maximum that a
+    /// model on the bus requires, but at least 1.75 ms above 19,200 bit/s (Modbus over serial line V1.02, 2.5.1.1) and
     /// 10 ms on an ASCII bus.
     pub silence: Option<Duration>,
-    /// In which pieces the master is handed what comes.
+    /// The pieces in which bytes are delivered to the master.
     pub delivery: Delivery,
-    /// What goes wrong.
+    /// The faults of replies.
     pub faults: FaultPlan,
 }
 
 impl Default for BusOptions {
-    /// RTU, paced, 2 ms turnaround, silence as the models say, no faults.
+    /// RTU, paced, 2 ms turnaround, silence as required by the models, no faults.
     fn default() -> Self {
         Self {
             framing: Framing::Rtu,
@@ -57,12 +57,12 @@ impl Default for BusOptions {
     }
 }
 
-/// The bus. Moments that it is given may be equal but never run backwards.
+/// The bus. Moments passed to it may be equal but never go back.
 ///
-/// An RTU request ends by its function's length with a right CRC, else by silence; an ASCII request ends by CR LF, else
-/// by a second without a character, and is dropped by the ':' of another one. One with a wrong check or for a station
-/// that is not there is ignored in silence. The drives do not hear each other, and a master that talks
-/// over a drive is counted but damages nothing; two drives that talk at the same time damage each other.
+/// An RTU request ends at its function's length with a valid CRC, else by silence; an ASCII request ends with CR LF, else
+/// after a second without a character, and is dropped by the ':' of another one. A request with an invalid check or for
+/// an absent station is ignored. The drives do not hear each other. A master that talks over a drive is counted but
+/// damages nothing; two drives that talk at the same time damage each other.
 ///
 /// Each drive is a queue: it never answers a newer request before an older one.
 #[derive(Debug)]
@@ -75,18 +75,18 @@ pub struct SimBus {
     request: Incoming,
     /// End of the master's last character.
     master_end: MonoTime,
-    /// End of the last character that anybody has transmitted, as far as the drives' bytes were taken.
+    /// End of the last character on the wire, as far as the drives' bytes were taken.
     quiet_since: Option<MonoTime>,
     /// What the drives still have to transmit.
     outbox: Outbox,
     report: BusReport,
-    /// The newest reply that a drive gave, before anything went wrong with it.
+    /// The newest reply of a drive, before any fault.
     newest_reply: Vec<u8>,
-    /// What the master sends comes back, as on a half-duplex line whose adapter hears itself.
+    /// The master's bytes are echoed, as on a half-duplex line whose adapter hears itself.
     echoes: bool,
 }
 
-/// A drive at its place on the bus.
+/// A drive on the bus.
 #[derive(Debug)]
 struct Node {
     station: Station,
@@ -118,12 +118,12 @@ impl SimBus {
         }
     }
 
-    /// Whether what the master sends comes back from now on, as on a half-duplex line whose adapter hears itself.
+    /// Sets whether the master's bytes are echoed, as on a half-duplex line whose adapter hears itself.
     pub const fn set_echoes(&mut self, echoes: bool) {
         self.echoes = echoes;
     }
 
-    /// Connects `drive` as `station`, in the place of a drive that had this station before. Its exchanges are
+    /// Connects `drive` as `station`, replacing any drive at this station. Its exchanges are
     /// numbered from 1.
     pub fn connect(&mut self, station: Station, drive: SimDrive) {
         if self.options.silence.is_none() {
@@ -151,8 +151,7 @@ impl SimBus {
         self.nodes.iter_mut().find(|node| node.station == station).map(|node| &mut node.drive)
     }
 
-    /// Switches the drive at `station` on or off. One that is switched off breaks off after a
-    /// whole character.
+    /// Switches the drive at `station` on or off. When switched off, it stops transmitting after a whole character.
     pub fn set_powered(&mut self, at: MonoTime, station: Station, powered: bool) {
         let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) else { return };
         node.drive.set_powered(at, powered);
@@ -163,18 +162,18 @@ impl SimBus {
         }
     }
 
-    /// Changes what goes wrong from now on; random numbers go on where they were.
+    /// Changes the faults from now on; the random sequence continues.
     pub fn set_faults(&mut self, plan: FaultPlan) {
         self.faults.plan = plan;
     }
 
-    /// Changes how long the drives need from now on.
+    /// Changes the turnaround from now on.
     pub fn set_turnaround(&mut self, turnaround: Duration) {
         self.options.turnaround = turnaround;
     }
 
     /// Number of the newest exchange with `station`: how many sound requests addressed to it have ended on
-    /// the wire, also those that it ignored or that came while it was switched off. 0 for an unknown station.
+    /// the wire, including those that it ignored or that arrived while it was off. 0 for an unknown station.
     ///
     /// Right after [`Self::receive`] has got the end of a request, this is that request's number. Every proof
     /// word (see [`super::DriveOptions::proof_words`]) is the low half of the number of the exchange that asked
@@ -185,23 +184,23 @@ impl SimBus {
         self.nodes.iter().find(|node| node.station == station).map_or(0, |node| node.exchanges)
     }
 
-    /// What the drive that was asked gave as its reply, before any fault, as a whole frame: empty if the bytes that
-    /// [`Self::receive`] got last made no request that was answered.
+    /// The reply of the addressed drive as a whole frame, before any fault; empty if the last bytes passed to
+    /// [`Self::receive`] formed no request that was answered.
     #[must_use]
     pub fn newest_reply(&self) -> &[u8] {
         &self.newest_reply
     }
 
-    /// Somebody who is no drive puts `bytes` on the wire from `at` on, asked by nobody: a foreign master, a node that
-    /// babbles, an adapter that hears itself. What is put there behind [`Self::WAITING_MAX`] others is lost.
+    /// Puts unsolicited `bytes` from no drive on the wire from `at` on: from a foreign master, a babbling node, an
+    /// adapter that hears itself. Beyond [`Self::WAITING_MAX`] waiting transmissions they are lost.
     pub fn speak(&mut self, at: MonoTime, bytes: &[u8]) {
         if let Some(frame) = self.outbox.frame_of(bytes) {
             self.report.collisions += self.outbox.add(NOBODY, at, false, frame, usize::MAX);
         }
     }
 
-    /// The same, but whoever else begins to talk cuts it off: what a burst and a frame make of each other has the right
-    /// check once in 65,536 times, whatever a master does.
+    /// The same, but any other transmission cuts it off: a burst mixed with a frame would have a valid check once in
+    /// 65,536 times, whatever a master does.
     fn burst(&mut self, at: MonoTime, bytes: &[u8]) {
         if let Some(frame) = self.outbox.frame_of(bytes) {
             self.report.bursts += 1;
@@ -209,7 +208,7 @@ impl SimBus {
         }
     }
 
-    /// Most transmissions that may wait to be taken.
+    /// Maximum number of transmissions that may wait to be taken.
     pub const WAITING_MAX: usize = Outbox::MAX_WAITING;
 
     /// Whether characters take time on this bus.
@@ -218,13 +217,13 @@ impl SimBus {
         self.outbox.is_paced()
     }
 
-    /// What an observer on the wire has counted.
+    /// The counters of an observer on the wire.
     #[must_use]
     pub const fn report(&self) -> &BusReport {
         &self.report
     }
 
-    /// The silence that the master has to keep before a request.
+    /// The silence that the master must keep before a request.
     #[must_use]
     pub const fn required_silence(&self) -> Duration {
         self.silence
@@ -251,21 +250,21 @@ impl SimBus {
         self.speak(start, if self.echoes { bytes } else { &[] });
     }
 
-    /// When to call [`Self::take_due`] next; nothing if nothing will happen until the master transmits.
+    /// When to call [`Self::take_due`] next; `None` if nothing will happen until the master transmits.
     #[must_use]
     pub fn next_due(&self) -> Option<MonoTime> {
         let silence = (!self.request.is_empty()).then(|| self.request_end());
         [silence, self.outbox.next_due()].into_iter().flatten().min()
     }
 
-    /// Takes what the drives have put on the wire until `at`, in order. On a paced bus `sink` gets each byte
+    /// Takes the bytes that the drives have put on the wire until `at`, in order. On a paced bus `sink` gets each byte
     /// with the moment at which its character ends, else whole transmissions with the moment they are due.
     pub fn take_due(&mut self, at: MonoTime, sink: impl FnMut(MonoTime, &[u8])) {
         self.end_request_by_silence(at);
         self.quiet_since = self.quiet_since.max(self.outbox.take(at, sink));
     }
 
-    /// Looks at the silence before a request that begins at `start`.
+    /// Checks the silence before a request that begins at `start`.
     fn observe(&mut self, start: MonoTime) {
         if !self.outbox.is_paced() {
             return;
@@ -285,12 +284,12 @@ impl SimBus {
         }
     }
 
-    /// When silence has ended what has begun.
+    /// When silence ends the request that has begun.
     fn request_end(&self) -> MonoTime {
         self.master_end + self.request.longest_hole(self.silence)
     }
 
-    /// Gives up what has begun, if anything has.
+    /// Drops the request that has begun, if any.
     fn drop_request(&mut self) {
         self.report.bad_crc += u64::from(!self.request.is_empty());
         let request = self.request.take();
@@ -321,7 +320,7 @@ impl SimBus {
         }
     }
 
-    /// Gives a `request` with `pdu` that ended at `end` to the drive at `place` and puts its reply on the way.
+    /// Passes a `request` with `pdu` that ended at `end` to the drive at `place` and schedules its reply.
     fn ask(&mut self, place: usize, end: MonoTime, pdu: &[u8], request: &[u8]) {
         let node = &mut self.nodes[place];
         node.exchanges += 1;
@@ -352,8 +351,8 @@ impl SimBus {
         self.schedule(place, end, fate, frame, hole);
     }
 
-    /// Decides when `frame`, the reply to a request that ended at `end`, goes out; from the byte at `hole` on it is handed
-    /// on late.
+    /// Decides when `frame`, the reply to a request that ended at `end`, is sent; from the byte at `hole` on it is
+    /// delivered late.
     fn schedule(&mut self, place: usize, end: MonoTime, fate: Fate, frame: Vec<u8>, hole: usize) {
         let length = self.outbox.time(frame.len());
         let right_time = if self.outbox.is_paced() { end + self.options.turnaround } else { end };
@@ -397,7 +396,7 @@ mod tests {
         MonoTime::from_millis(millis)
     }
 
-    /// Word of a reply to a read of one word, which is all that was on the wire until `at`.
+    /// Word of a reply to a read of one word; nothing else was on the wire until `at`.
     fn word_taken(bus: &mut SimBus, at: MonoTime) -> u16 {
         let reply = taken(bus, at);
         let (_, pdu) = rtu::decode(&reply).unwrap();
@@ -458,7 +457,7 @@ mod tests {
         bus.receive(ms(0), &frame(9, 3, OUTPUT, 1));
         bus.receive(MonoTime::from_nanos(8_333_334 + 1_000), &D001);
         assert_eq!(bus.report().gaps(), [Duration::from_nanos(1_000)]);
-        // Put into the port while the request before is still going out: no silence at all.
+        // Written while the previous request is still being sent: no silence at all.
         let mut bus = paced("", 0);
         bus.receive(ms(0), &frame(9, 3, OUTPUT, 1));
         bus.receive(ms(1), &D001);
@@ -483,7 +482,7 @@ mod tests {
         let mut bus = paced("", 0);
         bus.receive(ms(0), &frame(0xFF, 6, SETPOINT, 6000));
         bus.receive(ms(100), &frame(0xFF, 6, RUN, 1));
-        // Only 06 is a broadcast function, and station 0 is no broadcast station.
+        // Only 06 is a broadcast function, and station 0 is not a broadcast station.
         bus.receive(ms(200), &frame(0xFF, 3, OUTPUT, 1));
         bus.receive(ms(300), &frame(0, 6, RUN, 0));
         assert_eq!(bus.next_due(), None);
@@ -505,7 +504,7 @@ mod tests {
         bus.receive(ms(50), &D001);
         assert_eq!(taken(&mut bus, ms(100)), STANDSTILL);
         assert_eq!((bus.report().bad_crc, bus.report().requests_heard), (1, 1));
-        // Babble without end neither grows nor is heard.
+        // Endless babble neither grows the queue nor is heard.
         bus.receive(ms(200), &[0x55; 10_000]);
         assert!(taken(&mut bus, ms(20_000)).is_empty());
         assert_eq!(bus.report().bad_crc, 2);

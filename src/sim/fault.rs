@@ -1,4 +1,4 @@
-//! Seeded faults of replies: what a plan may ask for, and how it is drawn, bit for bit the same for the same seed.
+//! Seeded faults of replies: plans, and random draws that are identical for the same seed.
 
 use crate::domain::link::Framing;
 use crate::domain::problem::nearest;
@@ -7,8 +7,8 @@ use fastrand::Rng;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// How often replies go wrong. Every probability is in per mille of all replies, 0 to 1000, and drawn by
-/// itself, so that one reply can suffer several faults.
+/// Probabilities of faults. Each is in per mille of all replies, 0 to 1000, and drawn independently, so that one
+/// reply can have several faults.
 ///
 /// As text: `noise=5,lost=2,late=3,cut=1,flip=2,foreign=1,hole=1,timeout-ms=200,lateness-ms=500`, in any order, every
 /// part optional.
@@ -16,24 +16,24 @@ use std::time::Duration;
 pub struct FaultPlan {
     /// One to eight random bytes right before the reply.
     pub noise: u16,
-    /// The drive obeys, but no reply comes.
+    /// The drive obeys, but sends no reply.
     pub lost: u16,
-    /// The reply comes after [`Self::reply_timeout`] and ends at most [`Self::max_lateness`] later.
+    /// The reply arrives after [`Self::reply_timeout`] and ends at most [`Self::max_lateness`] later.
     pub late: u16,
-    /// The end of the reply is missing; at least one byte comes and at least one does not.
+    /// The end of the reply is missing; at least one byte arrives and at least one does not.
     pub cut: u16,
     /// One to three bits are wrong, anywhere in the reply.
     pub flip: u16,
-    /// A sound frame too many: one from another station before the reply, or the reply a second time behind it.
+    /// An extra valid frame: one from another station before the reply, or the reply repeated after it.
     pub foreign: u16,
-    /// The adapter hands the rest of the reply on 16 ms after its beginning, as a USB chip does whose packet was full.
+    /// The adapter delivers the rest of the reply 16 ms after its beginning, like a USB chip with a full packet.
     pub hole: u16,
-    /// A part of the request, of its reply or of the reply before comes from nobody, at any moment after the request while
-    /// nobody else talks: its beginning or its end, any length, or the whole with a byte lost or wrong.
+    /// An unsolicited burst: part of the request, of its reply or of the previous reply, at any moment after the request
+    /// while the bus is idle: its beginning or end, of any length, or all of it with a byte lost or wrong.
     pub burst: u16,
-    /// The reply comes a second time, 15 to 40 ms behind the first, as from another drive of the same number.
+    /// The reply arrives a second time, 15 to 40 ms after the first, as from another drive with the same number.
     pub twin: u16,
-    /// The reply comes later than [`Self::reply_timeout`] and [`Self::max_lateness`] together, up to twice as late.
+    /// The reply arrives later than [`Self::reply_timeout`] and [`Self::max_lateness`] together, up to twice as late.
     pub beyond: u16,
     /// The master's time-out from the end of its request, beyond which a reply is late.
     pub reply_timeout: Duration,
@@ -41,15 +41,15 @@ pub struct FaultPlan {
     pub max_lateness: Duration,
 }
 
-/// The names of a plan's parts, as they stand in its text.
+/// The names of a plan's parts in its text.
 const NAMES: [&str; 12] =
     ["noise", "lost", "late", "cut", "flip", "foreign", "hole", "burst", "twin", "beyond", "timeout-ms", "lateness-ms"];
 
-/// When the second reply of a [`FaultPlan::twin`] begins behind the first, in milliseconds.
+/// Delay of the second reply of a [`FaultPlan::twin`] after the first, in milliseconds.
 const TWIN_MS: std::ops::RangeInclusive<u64> = 15..=40;
 
 impl FaultPlan {
-    /// No faults; late replies, should they be switched on, come 200 to 700 ms after the request.
+    /// No faults; late replies, if enabled, arrive 200 to 700 ms after the request.
     pub const NONE: Self = Self {
         noise: 0,
         lost: 0,
@@ -96,11 +96,11 @@ impl Default for FaultPlan {
 impl FromStr for FaultPlan {
     type Err = PlanError;
 
-    /// Reads a plan; an empty text is a plan without faults.
+    /// Parses a plan; an empty text is a plan without faults.
     ///
     /// # Errors
     ///
-    /// A name that is not known, a part without `=`, a number that is none or too large.
+    /// An unknown name, a part without `=`, an invalid number or one that is too large.
     fn from_str(text: &str) -> Result<Self, PlanError> {
         let mut plan = Self::NONE;
         for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
@@ -114,12 +114,12 @@ impl FromStr for FaultPlan {
 /// What is wrong with the text of a fault plan.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// There is no such fault.
-    #[error("there is no fault called \"{name}\"{}; there are {}", hint(.nearest), NAMES.join(", "))]
+    /// Unknown fault.
+    #[error("unknown fault \"{name}\"{}; known faults: {}", hint(.nearest), NAMES.join(", "))]
     Unknown {
-        /// What was written.
+        /// The text.
         name: String,
-        /// What was probably meant.
+        /// The probably intended name.
         nearest: Option<&'static str>,
     },
     /// A name without a number.
@@ -128,9 +128,9 @@ pub enum PlanError {
     /// Not a number of the allowed range.
     #[error("{name}={value}: a whole number from 0 to {max} is needed")]
     BadNumber {
-        /// Which part.
+        /// The name of the part.
         name: String,
-        /// What was written.
+        /// The text.
         value: String,
         /// The largest number allowed.
         max: u16,
@@ -143,20 +143,20 @@ impl PlanError {
     }
 }
 
-/// What becomes of a reply as a whole.
+/// The fate of a reply as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// It comes when it should.
+    /// It arrives in time.
     OnTime,
-    /// It comes after the time-out.
+    /// It arrives after the time-out.
     Late,
-    /// It comes when it can no longer be waited for.
+    /// It arrives after the maximum lateness.
     Beyond,
-    /// It does not come.
+    /// It is lost.
     Lost,
 }
 
-/// A plan with the random numbers that carry it out.
+/// A plan with its random number generator.
 #[derive(Debug)]
 pub(super) struct Faults {
     pub plan: FaultPlan,
@@ -164,9 +164,9 @@ pub(super) struct Faults {
     /// Bits of a character that can be wrong.
     data_bits: usize,
     rng: Rng,
-    /// Those on the bus. A sound frame in the name of one could not be told from its own.
+    /// Stations on the bus. A valid frame in the name of one could not be distinguished from its own.
     stations: Vec<u8>,
-    /// The reply before the present one.
+    /// The previous reply.
     before: Vec<u8>,
 }
 
@@ -187,8 +187,8 @@ impl Faults {
         self.stations.push(station);
     }
 
-    /// Draws the faults of one whole `reply` frame and puts them into it. The second is the byte from which on it is
-    /// handed on late, if there is one.
+    /// Draws the faults of one whole `reply` frame and applies them. The second value is the byte from which on it is
+    /// delivered late, if any.
     pub fn spoil(&mut self, reply: &mut Vec<u8>) -> (Fate, usize) {
         if self.hits(self.plan.lost) {
             return (Fate::Lost, usize::MAX);
@@ -213,8 +213,8 @@ impl Faults {
             reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise));
         }
         let hole = if self.hits(self.plan.hole) { self.rng.usize(1..reply.len().max(2)) } else { usize::MAX };
-        // A second frame that comes as a whole behind a hole is a late reply to a request that was answered: nothing tells
-        // it from the answer to the next one. Somebody always hears that the first is followed by something.
+        // A second frame that arrives as a whole after a hole is a late reply to an answered request: it cannot be
+        // distinguished from the reply to the next one. In reality, a listener hears that something follows the first.
         let second = reply.len() - whole + first;
         let hole = if hole == second && whole > first { hole + 1 } else { hole };
         let fate = match (late, beyond) {
@@ -225,8 +225,8 @@ impl Faults {
         (fate, hole)
     }
 
-    /// Draws what comes beside the `reply` to `request`, and how long after the end of the request: nothing, if no burst
-    /// hits. `right_time`: when the reply begins.
+    /// Draws the burst beside the `reply` to `request`, and its time after the end of the request; `None` without a
+    /// burst. `right_time`: when the reply begins.
     pub fn burst(
         &mut self,
         request: &[u8],
@@ -239,7 +239,7 @@ impl Faults {
         if !is_hit {
             return None;
         }
-        // The whole of a write is what its drive answers.
+        // A whole write equals its reply.
         let is_read = framing::decode(self.framing, request).is_some_and(|(_, pdu)| pdu.first() == Some(&0x03));
         let (whole, may_be_whole) = match self.rng.u8(0..4) {
             0 => (before.as_slice(), false),
@@ -252,7 +252,7 @@ impl Faults {
         }
         let window = self.plan.reply_timeout + Duration::from_millis(50);
         let after = match self.rng.u8(0..4) {
-            // Right behind the request, as an echo; or right in front of the reply.
+            // Right after the request, as an echo, or right before the reply.
             0 => Duration::from_micros(self.rng.u64(0..3_000)),
             1 => {
                 let room = (0..=bytes.len()).rev().find(|count| time(*count) <= right_time).unwrap_or_default();
@@ -282,19 +282,19 @@ impl Faults {
         bytes
     }
 
-    /// Draws when the second reply of two drives of one number begins behind the first, if there are two.
+    /// Draws the delay of the second reply from two drives with the same number, if there are two.
     pub fn twin(&mut self) -> Option<Duration> {
         self.hits(self.plan.twin).then(|| Duration::from_millis(self.rng.u64(TWIN_MS)))
     }
 
-    /// Draws when a reply begins that is later than any may be, counted from the end of its request.
+    /// Draws the start of a reply beyond the maximum lateness, from the end of its request.
     pub fn beyond_start(&mut self) -> Duration {
         let limit = self.plan.reply_timeout + self.plan.max_lateness;
         limit + Duration::from_nanos(self.rng.u64(1_000_000..u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX)))
     }
 
-    /// Draws when a late reply begins, counted from the end of its request, so that a frame that takes
-    /// `frame` still ends within the plan's lateness.
+    /// Draws the start of a late reply, from the end of its request, so that a frame that takes `frame` still ends
+    /// within the plan's lateness.
     pub fn late_start(&mut self, frame: Duration) -> Duration {
         let room = self.plan.max_lateness.saturating_sub(frame);
         let nanos = u64::try_from(room.as_nanos()).unwrap_or(u64::MAX);
@@ -306,12 +306,12 @@ impl Faults {
         self.rng.bool()
     }
 
-    /// A plan without a fault draws nothing, so that it costs nothing.
+    /// A plan without faults draws no random numbers, so that it costs nothing.
     fn hits(&mut self, per_mille: u16) -> bool {
         per_mille > 0 && self.rng.u16(0..1000) < per_mille
     }
 
-    /// Turns one to three different bits over.
+    /// Flips one to three different bits.
     fn flip(&mut self, reply: &mut [u8]) {
         let mut turned = [usize::MAX; 3];
         for n in 0..self.rng.usize(1..=3) {
@@ -393,10 +393,10 @@ mod tests {
         let message = |text: &str| text.parse::<FaultPlan>().unwrap_err().to_string();
         assert_eq!(
             message("nose=5"),
-            "there is no fault called \"nose\" (did you mean \"noise\"?); there are noise, lost, late, cut, flip, \
+            "unknown fault \"nose\" (did you mean \"noise\"?); known faults: noise, lost, late, cut, flip, \
              foreign, hole, burst, twin, beyond, timeout-ms, lateness-ms"
         );
-        assert!(message("earthquake=1").starts_with("there is no fault called \"earthquake\"; there are noise"));
+        assert!(message("earthquake=1").starts_with("unknown fault \"earthquake\"; known faults: noise"));
         assert!(message("noise").contains("noise=5"));
         assert_eq!(message("lost=1001"), "lost=1001: a whole number from 0 to 1000 is needed");
         assert_eq!(message("lost=-1"), "lost=-1: a whole number from 0 to 1000 is needed");

@@ -1,4 +1,4 @@
-//! What the drives make of the master's bytes: where a request begins and where it ends.
+//! Splits the master's bytes into requests, as seen by the drives.
 
 use crate::domain::link::{Framing, LinkSettings};
 use crate::profile::model::Model;
@@ -9,7 +9,7 @@ use std::time::Duration;
 /// Pause between two characters that ends an ASCII frame (Modbus over serial line V1.02, 2.5.2.1).
 const LONGEST_ASCII_HOLE: Duration = Duration::from_secs(1);
 
-/// Bytes of the master that make no whole request yet.
+/// Bytes of the master that form no complete request yet.
 #[derive(Debug)]
 pub(super) struct Incoming {
     framing: Framing,
@@ -25,23 +25,23 @@ impl Incoming {
         self.bytes.is_empty()
     }
 
-    /// Whether a request begins with `byte`, whatever came before.
+    /// Whether `byte` begins a request, whatever preceded it.
     pub fn begins_with(&self, byte: u8) -> bool {
         self.is_empty() || (self.framing == Framing::Ascii && byte == b':')
     }
 
-    /// Takes a byte; one more than the longest frame has shows that there is none.
+    /// Takes a byte; one byte more than the longest frame marks the bytes as invalid.
     pub fn push(&mut self, byte: u8) {
         if self.bytes.len() <= framing::max_adu_bytes(self.framing) {
             self.bytes.push(byte);
         } else if self.framing == Framing::Ascii {
-            // What is too long has an end, too.
+            // An overlong request has an end, too.
             self.bytes.remove(0);
             self.bytes.push(byte);
         }
     }
 
-    /// Whether the request is over without any silence: in RTU by its function's length with a right CRC, in ASCII by
+    /// Whether the request is complete without any silence: in RTU at its function's length with a valid CRC, in ASCII at
     /// CR LF.
     pub fn is_whole(&self) -> bool {
         match self.framing {
@@ -50,7 +50,7 @@ impl Incoming {
         }
     }
 
-    /// Silence that ends what has begun, where `silence` is what lies between frames.
+    /// Silence that ends the current request, where `silence` separates frames.
     pub const fn longest_hole(&self, silence: Duration) -> Duration {
         match self.framing {
             Framing::Rtu => silence,
@@ -58,12 +58,12 @@ impl Incoming {
         }
     }
 
-    /// Gives the bytes out, to be handed back to [`Self::clear`].
+    /// Takes the bytes out, to be returned to [`Self::clear`].
     pub fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
     }
 
-    /// Begins anew in `buffer`.
+    /// Starts again in `buffer`.
     pub fn clear(&mut self, mut buffer: Vec<u8>) {
         buffer.clear();
         self.bytes = buffer;
@@ -79,7 +79,7 @@ fn is_whole_rtu(request: &[u8]) -> bool {
     request.len() == length && crc::is_sound(request)
 }
 
-/// The silence that a line needs whoever is on it: above 19,200 bit/s character times are too short to be told.
+/// The silence that any line needs: above 19,200 bit/s character times are too short to measure.
 pub(super) fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
     match framing {
         Framing::Ascii => Duration::from_millis(10),
@@ -88,7 +88,7 @@ pub(super) fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
     }
 }
 
-/// The silence that a drive of `model` needs before a request.
+/// The silence that a drive of `model` requires before a request.
 pub(super) fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
     let gap = match framing {
         Framing::Rtu => link.chars(model.timing.gap_chars.value),

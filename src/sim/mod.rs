@@ -1,25 +1,25 @@
-//! Simulated drives on a simulated bus: what a gateway meets on the wire, without a clock and without IO.
+//! Simulated drives on a simulated bus, as a gateway sees them on the wire; without a clock and without I/O.
 //!
 //! | part | what it plays |
 //! | --- | --- |
 //! | [`motor`] | an output frequency that ramps; a pure function of time |
 //! | [`trip`] | trip count and trip records |
 //! | [`drive`] | one drive, from the same model file that the gateway reads: PDUs in, PDUs out |
-//! | [`options`] | what the model does not say of a drive |
-//! | `incoming` | the master's bytes, until they make a request |
-//! | `outbox` | what the drives still have to transmit, and how they collide |
+//! | [`options`] | properties of a drive that the model does not state |
+//! | `incoming` | the master's bytes, until they form a request |
+//! | `outbox` | pending transmissions of the drives, and their collisions |
 //! | [`fault`] | seeded faults of replies |
-//! | [`report`] | what an observer on the wire counts |
+//! | [`report`] | counters of an observer on the wire |
 //! | [`bus`] | the half-duplex line: character times, turnaround, requests in, reply bytes out |
 //!
-//! Whoever owns a clock and a port drives a [`SimBus`] with three calls:
+//! The owner of a clock and a port drives a [`SimBus`] with three calls:
 //!
-//! 1. [`SimBus::receive`]: the master put these bytes into the port at this moment;
-//! 2. [`SimBus::next_due`]: when to come back;
+//! 1. [`SimBus::receive`]: the master wrote these bytes to the port at this moment;
+//! 2. [`SimBus::next_due`]: when to call again;
 //! 3. [`SimBus::take_due`]: the bytes that are on the wire by now.
 //!
 //! Everything is repeatable: the same seed and the same calls give the same bytes at the same moments.
-//! Nothing here uses the rooms that it tests; what both sides know, they know from the model.
+//! Nothing here uses the rooms that it tests; both sides share only the model.
 
 pub mod bus;
 pub mod drive;
@@ -112,7 +112,7 @@ mod testing {
         frame
     }
 
-    /// Everything that is on the wire until `at`.
+    /// All bytes on the wire until `at`.
     pub fn taken(bus: &mut SimBus, at: MonoTime) -> Vec<u8> {
         let mut bytes = Vec::new();
         bus.take_due(at, |_, due| bytes.extend_from_slice(due));
@@ -170,7 +170,7 @@ mod tests {
             let at = prepare(&mut bus, &request, value);
             bus.receive(at, &request);
             let address = u16::from_be_bytes([request[2], request[3]]);
-            // A misprinted frame means a register that the model does not know: a bad request.
+            // A misprinted frame addresses a register that the model does not have: an invalid request.
             let expected = if address == 0x0203 { vec![] } else { response };
             assert_eq!(taken(&mut bus, at), expected, "{}", printed["what"]);
             played += 1;

@@ -3,8 +3,8 @@
 use crate::domain::time::MonoTime;
 use std::time::Duration;
 
-/// Microhertz in a hertz. Frequencies are kept in whole microhertz, so that a ramp can be taken up again
-/// at any moment without drifting.
+/// Microhertz in a hertz. Frequencies are kept in whole microhertz, so that a ramp can be resumed at any moment
+/// without drift.
 pub const MICROHERTZ: i64 = 1_000_000;
 
 /// The output of a drive. Frequencies are in microhertz; reverse is negative.
@@ -56,7 +56,7 @@ impl Motor {
         self.target = target;
     }
 
-    /// Cuts the output off at `at`: it is 0 at once and stays 0.
+    /// Cuts the output off at `at`: it drops to 0 at once and stays there.
     pub fn cut_off(&mut self, at: MonoTime) {
         self.since = at;
         self.from = 0;
@@ -75,7 +75,7 @@ impl Motor {
         self.deceleration = time;
     }
 
-    /// Makes `at` the start of what follows, so that a new order does not change the past.
+    /// Makes `at` the start of the next ramp, so that a new order does not change the past.
     fn settle(&mut self, at: MonoTime) {
         self.from = self.output(at);
         self.since = at;

@@ -1,11 +1,11 @@
-//! What a model does not say of its drives, so that it has to be chosen for each simulated one.
+//! Properties that a model does not state, and that must be chosen for each simulated drive.
 
 use crate::domain::command::Direction;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// What a drive does with a request that it cannot serve: an unknown register, function or number of words.
-/// Where no document says it, both must be tried.
+/// The reaction to a request that a drive cannot serve: an unknown register, function or number of words.
+/// If it is undocumented, both must be tested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum BadRequest {
     /// It answers with an exception if the model lists any, else it does not answer.
@@ -17,7 +17,7 @@ pub enum BadRequest {
     Exception,
 }
 
-/// Which stops a drive does not take, as one that lacks the function or the register.
+/// The stops that a drive refuses, like one that lacks the function or the register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RefusedStops {
     /// None.
@@ -29,14 +29,14 @@ pub enum RefusedStops {
     All,
 }
 
-/// What a model does not say of its drives.
+/// Properties that a model does not state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveOptions {
-    /// What the drive does with a request that it cannot serve.
+    /// The reaction to a request that it cannot serve.
     pub bad_request: BadRequest,
-    /// Value of a source register under which the drive obeys the line, where the model's setup does not name one.
+    /// Value of a source register for which the drive obeys the line, if the model's setup does not name one.
     pub communication: u16,
-    /// Value of both source registers in a new drive. Nothing: the one under which it obeys the line.
+    /// Value of both source registers in a new drive. `None`: the one for which it obeys the line.
     pub sources_at_start: Option<u16>,
     /// Frequency, in whole hertz and above 0, that the ramp times refer to and that no setpoint may exceed.
     pub max_frequency_hz: u16,
@@ -48,17 +48,17 @@ pub struct DriveOptions {
     pub rated_current_x10: u16,
     /// Rated output voltage in V.
     pub rated_voltage_v: u16,
-    /// Voltage of the DC link at standstill in V.
+    /// DC link voltage at standstill in V.
     pub dc_link_v: u16,
     /// Run hours of a new drive.
     pub run_hours: u16,
-    /// What panel and terminals order while they have control: a terminal that is closed, or a key that was pressed.
+    /// The order of panel and terminals while they have control: a closed terminal, or a pressed key.
     pub panel_runs: Option<Direction>,
-    /// Frequency in whole hertz that holds where it does not come from the bus; nothing: the setpoint stays.
+    /// Frequency in whole hertz if it does not come from the bus. `None`: the setpoint stays.
     pub panel_frequency_hz: Option<u16>,
-    /// A trip still holds when the power comes back.
+    /// Whether a trip persists across a power cycle.
     pub trip_outlasts_power: bool,
-    /// Stops that it does not take.
+    /// Stops that it refuses.
     pub refused_stops: RefusedStops,
     /// Addresses that can be read on top of the model's registers and whose every word is the low half of
     /// the exchange number, see [`super::SimBus::exchange`]. They hide registers of the model.
@@ -66,7 +66,7 @@ pub struct DriveOptions {
 }
 
 impl Default for DriveOptions {
-    /// A drive ready to be commanded: sources at communication, 60 Hz, 10 s ramps, 11 A, 400 V, nobody at the panel.
+    /// A drive ready to be commanded: sources at communication, 60 Hz, 10 s ramps, 11 A, 400 V, no panel input.
     fn default() -> Self {
         Self {
             bad_request: BadRequest::AsDocumented,

@@ -1,4 +1,4 @@
-//! What the drives of a bus still have to transmit, each byte at its moment.
+//! Pending transmissions of the drives on a bus, each byte at its moment.
 
 use crate::domain::ids::Station;
 use crate::domain::link::LinkSettings;
@@ -6,22 +6,22 @@ use crate::domain::time::MonoTime;
 use crate::wire::{crc, rtu};
 use std::time::Duration;
 
-/// How long an adapter keeps the rest of a transmission back behind a hole: the latency timer of common USB chips.
+/// How long an adapter delays the rest of a transmission after a hole: the latency timer of common USB chips.
 pub const HOLE: Duration = Duration::from_millis(16);
-/// How far apart two transmissions are at the most that a master may take for one with an adapter's hole in it.
+/// Maximum distance of two transmissions that a master may take for one with an adapter's hole in it.
 const HOLE_MAX: Duration = Duration::from_millis(20);
-/// Characters that are handed on together of a transmission that nobody expects: fewer than any silence between frames
-/// has, so that whoever listens always knows that somebody talks.
+/// Characters delivered together of an unexpected transmission: fewer than any silence between frames lasts, so that a
+/// listener always notices the traffic.
 const UNEXPECTED_CHARS: usize = 3;
 
-/// In which pieces the master is handed what comes on a paced bus.
+/// The pieces in which a paced bus delivers bytes to the master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Delivery {
     /// Each character by itself, at its end.
     #[default]
     Characters,
-    /// A reply that is on time as a whole, at its end; anything else three characters at a time. It tells a master that
-    /// waits for a reply nothing less, and costs a simulation a fraction.
+    /// A reply in time as a whole, at its end; anything else three characters at a time. A waiting master learns no less,
+    /// at a fraction of the cost.
     Replies,
 }
 
@@ -34,31 +34,31 @@ pub(super) struct Transmission {
     /// Whether the master may expect it: it begins right after the turnaround.
     pub on_time: bool,
     pub bytes: Vec<u8>,
-    /// From this byte on the adapter hands it on [`HOLE`] later than it came.
+    /// From this byte on the adapter delivers it later by [`HOLE`].
     pub hole: usize,
-    /// Whoever begins to talk cuts it off, and it does not begin while somebody talks.
+    /// Any other transmission cuts it off, and it does not begin during another one.
     yields: bool,
-    /// How many of the bytes were taken or swallowed by a collision.
+    /// Number of bytes that were taken or swallowed by a collision.
     sent: usize,
 }
 
 /// Transmissions in order of their start.
 #[derive(Debug)]
 pub(super) struct Outbox {
-    /// Nothing: characters take no time.
+    /// `None`: characters take no time.
     pace: Option<LinkSettings>,
     delivery: Delivery,
-    /// What the adapter handed on last; nothing behind it comes sooner.
+    /// The last delivery of the adapter; nothing after it arrives sooner.
     handed_on: MonoTime,
     waiting: Vec<Transmission>,
-    /// What was handed on last, as far as an RTU frame may begin in it.
+    /// The last delivered bytes, as far as an RTU frame may begin in them.
     newest: Vec<u8>,
-    /// Emptied buffers, to be used again.
+    /// Empty buffers for reuse.
     spare: Vec<Vec<u8>>,
 }
 
 impl Outbox {
-    /// Most transmissions that may wait. More mean that nobody takes them.
+    /// Maximum number of waiting transmissions. More mean that the bus is not being read.
     pub const MAX_WAITING: usize = 64;
 
     pub const fn new(pace: Option<LinkSettings>, delivery: Delivery) -> Self {
@@ -99,14 +99,14 @@ impl Outbox {
         self.spare.push(buffer);
     }
 
-    /// Adds `bytes` of `station` from `start` on, handed on late from the byte at `hole`; returns with how many others
-    /// they collide.
+    /// Adds `bytes` of `station` from `start` on, delivered late from the byte at `hole` on; returns the number of
+    /// collisions.
     pub fn add(&mut self, station: Station, start: MonoTime, on_time: bool, bytes: Vec<u8>, hole: usize) -> u64 {
         self.cut_yielding(start, start + self.time(bytes.len()));
         self.insert(station, start, on_time, bytes, hole, false)
     }
 
-    /// Adds `bytes` of `station` from `start` on, as far as nobody talks.
+    /// Adds `bytes` of `station` from `start` on, as far as the bus is idle.
     pub fn add_yielding(&mut self, station: Station, start: MonoTime, mut bytes: Vec<u8>) {
         let end = start + self.time(bytes.len());
         let others = self.waiting.iter().filter(|other| other.start < end && start < other.end);
@@ -121,7 +121,7 @@ impl Outbox {
         self.insert(station, start, false, bytes, usize::MAX, true);
     }
 
-    /// Somebody talks from `start` to `end`: what gives way to others ends before that.
+    /// Another transmission lasts from `start` to `end`: transmissions that give way end before it.
     fn cut_yielding(&mut self, start: MonoTime, end: MonoTime) {
         let pace = self.pace;
         let time = |bytes| pace.map_or(Duration::ZERO, |link| link.bytes(bytes));
@@ -159,12 +159,12 @@ impl Outbox {
         collisions
     }
 
-    /// When the next byte has come.
+    /// When the next byte is complete.
     pub fn next_due(&self) -> Option<MonoTime> {
         self.waiting.first().map(|first| self.due(first))
     }
 
-    /// Gives out what has come until `at`; returns the end of the last transmission that is now complete.
+    /// Delivers the bytes up to `at`; returns the end of the last transmission that is now complete.
     pub fn take(&mut self, at: MonoTime, mut sink: impl FnMut(MonoTime, &[u8])) -> Option<MonoTime> {
         let mut last_end = None;
         while let Some(first) = self.waiting.first() {
@@ -192,9 +192,9 @@ impl Outbox {
         last_end
     }
 
-    /// Whether the beginning of a frame was handed on, and `next`, which comes from nobody, is the end of one, so that both
-    /// together have the right check, and the pause between them may be an adapter's: a reply that was cut off and the end of
-    /// an earlier one are that earlier one, said again. No master tells it from the reply it waits for.
+    /// Whether the beginning of a frame was delivered, and the unsolicited `next` completes it to a valid frame after a pause
+    /// that may be an adapter's: a truncated reply and the end of an earlier one then repeat the earlier one. No master can
+    /// distinguish that from the reply it waits for.
     fn makes_up_a_frame(&self, next: &Transmission) -> bool {
         if !next.yields || next.sent > 0 || next.start.since(self.handed_on) > HOLE_MAX {
             return false;
@@ -213,7 +213,7 @@ impl Outbox {
         self.waiting.iter().any(|drive| drive.start < at && at < drive.end)
     }
 
-    /// Whether a reply that is on time has not come to its end at `at`.
+    /// Whether a reply in time is not complete at `at`.
     pub fn is_awaited(&self, at: MonoTime) -> bool {
         self.waiting.iter().any(|drive| drive.on_time && at < drive.end)
     }
@@ -223,7 +223,7 @@ impl Outbox {
         self.waiting.iter().map(|drive| drive.end).filter(|end| *end <= at).max()
     }
 
-    /// Takes away what `station` has not put on the wire at `at`.
+    /// Removes what `station` has not transmitted at `at`.
     pub fn silence(&mut self, at: MonoTime, station: Station) {
         let pace = self.pace;
         let time = |bytes| pace.map_or(Duration::ZERO, |link| link.bytes(bytes));
@@ -235,13 +235,13 @@ impl Outbox {
         self.waiting.retain(|drive| drive.sent < drive.bytes.len());
     }
 
-    /// When the next byte of `drive` has come.
+    /// When the next byte of `drive` is complete.
     fn due(&self, drive: &Transmission) -> MonoTime {
         let end = drive.start + self.time(self.upto(drive));
         if self.is_paced() && drive.sent >= drive.hole { end + HOLE } else { end.max(self.handed_on) }
     }
 
-    /// Up to which byte `drive` is handed on next.
+    /// The byte up to which `drive` is delivered next.
     fn upto(&self, drive: &Transmission) -> usize {
         let length = drive.bytes.len();
         let upto = match self.delivery {

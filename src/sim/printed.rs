@@ -1,5 +1,5 @@
-//! Every frame pair that documents of the vendors print, or that was made after their rules, played against a drive:
-//! the request in, the response out. Where the response shows a value, the drive is first brought to where it has it.
+//! Every frame pair printed in vendors' documents, or derived from their rules, tested against a drive: the request in,
+//! the response out. If the response shows a value, the drive is first brought into that state.
 
 use super::testing::*;
 use super::*;
@@ -15,7 +15,7 @@ const FILES: [&str; 3] = [
     include_str!("../../tests/data/toshiba-frames.json"),
 ];
 
-/// The model that plays what is printed for a drive. Two siblings print what the E510 has, too.
+/// The model for the frames printed for a drive. Two siblings print the frames of the E510, too.
 fn model_of(drive: &str) -> Option<&'static str> {
     Some(match drive {
         "n700" => "hyundai-n700",
@@ -29,7 +29,7 @@ fn model_of(drive: &str) -> Option<&'static str> {
     })
 }
 
-/// Pairs that no drive of these models is brought to, with the beginning of the response and why.
+/// Pairs that no drive of these models can produce, with the beginning of the response and the reason.
 const NOT_PLAYED: [(&str, &str, &str, &str); 17] = [
     ("n700", "compact column of the F008 write", "0106", "the register is not in the model"),
     ("TECO E510s", "08H error reply", "0188", "why a loop test fails is not told"),
@@ -50,7 +50,7 @@ const NOT_PLAYED: [(&str, &str, &str, &str); 17] = [
     ("Toshiba VF-S15", "Read device identification", "012B", "the function is not played"),
 ];
 
-/// Brings `drive` to where `request` is answered by `response`; both are PDUs.
+/// Brings `drive` into the state in which `request` is answered by `response`; both are PDUs.
 fn prepare(drive: &mut SimDrive, request: &[u8], response: &[u8]) {
     let address = u16::from_be_bytes([request[1], request[2]]);
     let shown = pdu::words(response.get(2..).unwrap_or_default());
@@ -100,7 +100,7 @@ fn options(drive: &str, address: u16) -> DriveOptions {
     DriveOptions { max_frequency_hz: 50, rated_current_x10: 45, dc_link_v: 580, ..DriveOptions::default() }
 }
 
-/// Station and PDU of a frame, as it stands in the collections: RTU in hexadecimal, or ASCII.
+/// Station and PDU of a frame as written in the collections: RTU in hexadecimal, or ASCII.
 fn decoded(frame: &str) -> (u8, Vec<u8>) {
     let frame = frame.trim();
     if let Some(text) = frame.strip_prefix(':') {
@@ -156,7 +156,7 @@ fn every_pair_that_a_drive_can_be_brought_to_is_played() {
     assert_eq!(played, PLAYED);
 }
 
-/// Pairs of all three collections that are played.
+/// Number of tested pairs in all three collections.
 const PLAYED: usize = 84;
 
 #[test]

@@ -1,26 +1,26 @@
-//! What an observer on the wire of a simulated bus counts, and what each drive counts.
+//! Counters of an observer on a simulated bus, and of each drive.
 
 use std::fmt;
 use std::time::Duration;
 
-/// Counters of one bus since it was made. Gaps and overlaps are seen on a paced bus only: without character
-/// times there is no silence that could be measured.
+/// Counters of one bus since its creation. Gaps and overlaps are counted on a paced bus only: without character
+/// times there is no silence to measure.
 #[derive(Clone, Debug, Default)]
 pub struct BusReport {
-    /// Requests with a right check, for any station.
+    /// Requests with a valid check, for any station.
     pub requests_heard: u64,
-    /// Normal and exception replies that the drives put on the wire, on time or late, whole or damaged.
+    /// Normal and exception replies on the wire, in time or late, whole or damaged.
     pub replies_sent: u64,
-    /// Transmissions of the master that make no sound frame.
+    /// Transmissions of the master that form no valid frame.
     pub bad_crc: u64,
     /// Silences before a request that were shorter than required.
     pub gaps_too_short: u64,
     /// Times that the master began to transmit while a drive transmitted or before a reply that was on time
-    /// had come to its end. A late reply counts only from its first bit on: nobody could know of it before.
+    /// was complete. A late reply counts only from its first bit on: it is unknown before.
     pub talked_over: u64,
     /// Replies that two drives transmitted at the same time, so that both were damaged.
     pub collisions: u64,
-    /// Replies that a fault, or too many waiting ones, kept from the wire.
+    /// Replies lost by a fault, or by too many waiting ones.
     pub replies_lost: u64,
     /// Replies that a fault made late.
     pub replies_late: u64,
@@ -33,7 +33,7 @@ pub struct BusReport {
     gaps: Gaps,
 }
 
-/// What one drive has counted since it was made: what nobody should have written, and what it did on its own.
+/// Counters of one drive since its creation: forbidden writes, and its own actions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveReport {
     /// Run commands that the model says must never be written. The drive did not do them.
@@ -46,7 +46,7 @@ pub struct DriveReport {
     pub stored_writes: u64,
 }
 
-/// Silences one by one. Too many to be shown.
+/// Individual silences; too many to print.
 #[derive(Clone, Default)]
 struct Gaps(Vec<Duration>);
 
@@ -57,7 +57,7 @@ impl fmt::Debug for Gaps {
 }
 
 impl BusReport {
-    /// Most gaps that are kept one by one (16 MB); later ones are only counted.
+    /// Maximum number of gaps kept individually (16 MB); later ones are only counted.
     pub const MAX_GAPS: usize = 1_000_000;
 
     /// The silences before the first requests, in order, at most [`Self::MAX_GAPS`]. There is none before

@@ -1,6 +1,6 @@
-//! Trips: how many there were, and what the drive froze at the last ones.
+//! Trips: their count, and the records of the last ones.
 
-/// Records that are kept: the newest and fifteen before it.
+/// Number of kept records: the newest and the fifteen before it.
 pub const RECORDS: usize = 16;
 
 /// One trip.
@@ -43,7 +43,7 @@ impl TripLog {
         self.records[0]
     }
 
-    /// The record of the trip `back` trips before the newest one; nothing behind the last.
+    /// The record of the trip `back` trips before the newest one; `None` beyond the last.
     #[must_use]
     pub fn record(&self, back: usize) -> Option<TripRecord> {
         self.records.get(back).copied()

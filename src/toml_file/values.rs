@@ -162,7 +162,8 @@ impl Kind<'_, Duration> {
     /// A time in `range`, as text with its unit: `500ms`, `5s`, `10min`, `1h`.
     #[must_use]
     pub fn duration(range: RangeInclusive<Duration>) -> Self {
-        let (least, most) = (duration_text(*range.start()), duration_text(*range.end()));
+        let least = duration_text(*range.start());
+        let most = duration_text(*range.end());
         Self::new(format!("a time from \"{least}\" to \"{most}\""), move |value| {
             let DeValue::String(text) = value else {
                 return Err(Wrong::new(format!("must be a time with its unit as text, not {}", kind_of(value))));

@@ -1,4 +1,4 @@
-//! The tables of a drive that say what may be commanded: `control` and `native`.
+//! The tables of a drive for commands and writes: `control` and `native`.
 
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
@@ -11,7 +11,7 @@ use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// What a frequency may be before the model is asked.
+/// The range of frequencies, before the check against the model.
 const HERTZ: RangeInclusive<f64> = 0.0..=10_000.0;
 const LOST_AFTER: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 const RESTART_DELAY: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(60);
@@ -83,7 +83,7 @@ fn read_hertz(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Her
     }
 }
 
-/// The frequency in exact steps: it is compared with setpoints, and nothing may hang on rounding there.
+/// The frequency in exact steps: it is compared with setpoints, so it must not be rounded.
 fn exact(written: RequiredKey<f64>, problems: &mut Vec<Problem>) -> RequiredKey<Hertz> {
     let Spanned { value, location } = written?;
     match Hertz::from_f64(value) {

@@ -1,4 +1,4 @@
-//! Walks the TOML from the outer tables to the inner ones and takes each value with its place.
+//! Reads the TOML from the outer tables to the inner ones, each value with its location.
 
 mod control;
 mod mqtt;
@@ -26,16 +26,16 @@ const REQUEST_GAP: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_se
 const REPLY_TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
 const MAX_LATENESS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(60);
 const STATUS_AGE: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(3600);
-/// A dead band; no register has finer steps than the least, nor values beyond the greatest.
+/// Range of a dead band: no register has finer steps or larger values.
 const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
-/// Digits behind a decimal point; no register has more.
+/// Range of decimals; no register has more.
 const DECIMALS: RangeInclusive<u8> = 0..=9;
 /// A rated current in A or voltage in V.
 const RATED: RangeInclusive<f64> = 0.001..=100_000.0;
 const JOURNAL_BYTES: RangeInclusive<u64> = 1_000_000..=16_000_000_000;
 const POLL: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
 
-/// The configuration as it is written; nothing: `text` is no TOML, and `problems` says where.
+/// The configuration as written; `None` if `text` is not TOML, which is reported in `problems`.
 pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     let document = document(text, problems)?;
     let mut reader = Reader::new(document.section(), problems);
@@ -81,7 +81,7 @@ fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
     journal
 }
 
-/// A size with its unit in bytes, if a journal may have it.
+/// A size with its unit, in bytes, if it is valid for a journal.
 fn size_bytes(text: &str) -> Option<u64> {
     let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit())?);
     let unit = match unit {

@@ -11,17 +11,17 @@ use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// How often a value that does not change may be published again.
+/// Range of heartbeats.
 pub(super) const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(5)..=Duration::from_secs(600);
 const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
-/// How old a command of a Sparkplug host may be by its timestamp.
+/// Range of the maximum age of a Sparkplug command.
 const COMMAND_AGE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(300);
 const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
-/// Most changes that may be kept: some ten megabytes.
+/// Maximum number of kept changes: about ten megabytes.
 const KEEP_TELEMETRY_MAX: u32 = 100_000;
 
-/// Most bytes of a topic, a prefix or a client identifier of the file: far below what a broker takes.
+/// Maximum bytes of a topic, a prefix or a client identifier: far below the limit of brokers.
 const MAX_BYTES: usize = 128;
 
 /// `[mqtt]`
@@ -29,7 +29,7 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
     refuse_not_served(&mut reader, Section::Mqtt);
     reader.refuse(
         "password",
-        "a password does not stand in this file, which others read and copy",
+        "a password must not be in this file, which others may read and copy",
         "`password_file` with an absolute path, or `password_env` with the name of an environment variable",
     );
     let mqtt = MqttFile {
@@ -122,11 +122,11 @@ fn read_address(reader: &mut Reader<'_, '_>, Spanned { value, location }: Spanne
     }
 }
 
-/// The protocol counts this time in whole seconds.
+/// The protocol uses whole seconds for this time.
 fn read_keep_alive(reader: &mut Reader<'_, '_>) -> OptionalKey<Duration> {
     let keep_alive = reader.optional("keep_alive", &Kind::duration(KEEP_ALIVE));
     if let Some(written) = keep_alive.valid().filter(|written| written.value.subsec_millis() != 0) {
-        let problem = written.location.problem("the protocol counts this time in whole seconds");
+        let problem = written.location.problem("the protocol uses whole seconds for this time");
         reader.problems().push(problem.right(format!("\"{}s\"", written.value.as_secs())));
         return OptionalKey::Invalid;
     }
@@ -146,7 +146,7 @@ fn client_id() -> Kind<'static, String> {
     })
 }
 
-/// Levels that other topics begin with.
+/// The first levels of other topics.
 fn topics() -> Kind<'static, String> {
     let right = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
     Kind::parsed(right, |text| {
@@ -162,7 +162,7 @@ fn topic_or_none() -> Kind<'static, Option<String>> {
     })
 }
 
-/// One topic, not a filter, and none that belongs to the broker itself.
+/// One topic; not a filter, and not one of the broker's own.
 fn is_topic(text: &str) -> bool {
     let is_wild = |c: char| matches!(c, '+' | '#') || c.is_control();
     (1..=MAX_BYTES).contains(&text.len()) && !text.contains(is_wild) && !text.starts_with('$')

@@ -1,4 +1,4 @@
-//! The tables of what clients connect to: `[[modbus_tcp]]` and `[http]`.
+//! The tables of listeners: `[[modbus_tcp]]` and `[http]`.
 
 use super::super::file::{HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
@@ -100,7 +100,7 @@ fn read_http_tls(mut reader: Reader<'_, '_>) -> HttpTlsFile {
     tls
 }
 
-/// An address with a port; `port` stands in the examples.
+/// An address with a port; `port` is used in the examples.
 fn address(port: &str) -> Kind<'static, SocketAddr> {
     let right = format!("an address with a port: \"127.0.0.1:{port}\", \"[::1]:{port}\"");
     Kind::parsed(right, |text| text.parse().ok())
@@ -113,7 +113,7 @@ fn read_allow(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<IpNet>> {
         OptionalKey::Valid(list) => list,
     };
     if list.value.is_empty() {
-        let problem = list.location.problem("an empty list permits no client");
+        let problem = list.location.problem("an empty list allows no client");
         reader.problems().push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
         return OptionalKey::Invalid;
     }
@@ -121,7 +121,7 @@ fn read_allow(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<IpNet>> {
     OptionalKey::Valid(Spanned { value, location: list.location })
 }
 
-/// No number that the kind lets through is no unit.
+/// Every number of this kind is a valid unit.
 fn read_units(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<UnitId>>> {
     turned(reader.list("units", &Kind::number(UnitId::MIN..=UnitId::MAX)), |units| {
         let unit = |it: Spanned<u8>| Some(Spanned { value: UnitId::new(it.value)?, location: it.location });
@@ -129,7 +129,7 @@ fn read_units(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<UnitId>>> 
     })
 }
 
-/// The list of networks `key`; it is unusable as soon as one of them is wrong.
+/// The list of networks `key`; one invalid network makes it unusable.
 fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Vec<Spanned<IpNet>>> {
     let list = match reader.list(key, &Kind::text()) {
         OptionalKey::Absent => return OptionalKey::Absent,
@@ -143,8 +143,8 @@ fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<
     }
 }
 
-/// A network in the notation address/bits. One with bits behind its length set is refused, because it may
-/// mean the network or the one host.
+/// A network in the notation address/bits. Host bits must be zero, because otherwise it may mean the network or
+/// the single host.
 fn network(written: Spanned<String>, problems: &mut Vec<Problem>) -> Option<Spanned<IpNet>> {
     let Spanned { value: text, location } = written;
     let (what, right) = match (text.parse::<IpNet>(), text.parse::<IpAddr>()) {

@@ -1,11 +1,11 @@
-//! Tables and kinds of values that several sections have.
+//! Tables and kinds of values shared by several sections.
 
 use super::super::keys;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, Spanned};
 use std::path::PathBuf;
 
-/// What `read` makes of each table `[[key]]`.
+/// The tables `[[key]]`, each read by `read`.
 pub(super) fn each<'a, T>(
     reader: &mut Reader<'a, '_>,
     key: &'static str,
@@ -15,7 +15,7 @@ pub(super) fn each<'a, T>(
     sections.into_iter().map(|section| read(reader.open(section))).collect()
 }
 
-/// What `read` makes of the table `key`.
+/// The table `key`, read by `read`.
 pub(super) fn inner<'a, T>(
     reader: &mut Reader<'a, '_>,
     key: &'static str,
@@ -30,7 +30,7 @@ pub(super) fn inner<'a, T>(
     }
 }
 
-/// Refuses each key of `section` that is known but not served.
+/// Refuses each key of `section` that is known but not supported.
 pub(super) fn refuse_not_served(reader: &mut Reader<'_, '_>, section: keys::Section) {
     for key in keys::not_served(section) {
         reader.refuse(key.name, key.refusal(), key.instead);
@@ -42,7 +42,7 @@ pub(super) fn absolute_path() -> Kind<'static, PathBuf> {
     Kind::parsed("an absolute path", |text| Some(PathBuf::from(text)).filter(|path| path.is_absolute()))
 }
 
-/// What `turn` makes of the value; it takes every value that the kind lets through.
+/// The value converted by `turn`, which accepts every value of the kind.
 pub(super) fn turned<T, U>(given: OptionalKey<T>, turn: impl Fn(T) -> Option<U>) -> OptionalKey<U> {
     match given {
         OptionalKey::Absent => OptionalKey::Absent,

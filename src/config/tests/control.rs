@@ -117,7 +117,7 @@ fn somebody_commands_and_nobody_twice() {
     let from = |list: &str| with(CONTROLLED, "[\"mqtt\", \"modbus-tcp\"]", list);
     let found = problems(&from("[]"));
     let empty = format!(
-        "{AT}.from: an empty list permits no commander; \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"
+        "{AT}.from: an empty list allows no commands; \"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"
     );
     assert_eq!(found[0], empty);
     assert!(
@@ -138,12 +138,12 @@ fn a_way_that_is_closed_is_not_named() {
     only(
         &with(CONTROLLED, mqtt, ""),
         &format!(
-            "{AT}.from[0]: commands from \"mqtt\" cannot come: there is no `[mqtt]`; \
+            "{AT}.from[0]: commands from \"mqtt\" are impossible: there is no `[mqtt]`; \
              `[mqtt]` with `broker`, or leave it out"
         ),
     );
     let nobody = format!(
-        "{AT}.from[1]: commands from \"modbus-tcp\" cannot come: no listener of line `hall-1` lets anybody write; \
+        "{AT}.from[1]: commands from \"modbus-tcp\" are impossible: no listener of line `hall-1` allows any client to write; \
          `write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"
     );
     only(&with(CONTROLLED, "write = [\"127.0.0.1/32\"]\n", ""), &nobody);
@@ -223,14 +223,14 @@ fn a_run_of_the_page_that_waited_unnoticed_is_told_from_one_after_a_stop() {
 #[test]
 fn limits_are_setpoints_that_the_drive_can_be_given() {
     let limits = |min: &str, max: &str| with(CONTROLLED, "min = 5.0, max = 50.0", &format!("min = {min}, max = {max}"));
-    let settable = "a frequency that `frequency_command` can be set to";
+    let settable = "a frequency that `frequency_command` can represent";
     for (min, max, problem) in [
         (
             "50.1",
             "50.0",
             "min: the lowest frequency, 50.10 Hz, is above the highest, 50.00 Hz; at most 50.00".to_owned(),
         ),
-        ("0.0", "0.0", "max: a drive that may be given 0 Hz at most never turns; more than 0".to_owned()),
+        ("0.0", "0.0", "max: a drive with a maximum of 0 Hz never turns; more than 0".to_owned()),
         ("5.005", "50", format!("min: 5.005 Hz is finer than the register's steps of 1/100; {settable}")),
         ("5.0", "655.36", format!("max: 655.36 Hz is outside 0.00 to 655.35; {settable}")),
         ("5.00001", "50", "min: 5.00001 is finer than 0.001 Hz; at most three decimals".to_owned()),
@@ -280,7 +280,7 @@ fn a_model_that_cannot_be_commanded_has_no_control_section() {
         &text,
         &format!(
             "{AT}: acme-one cannot be controlled: its description has no run commands; \
-             leave `control` out; the drive is read-only then"
+             leave `control` out; the drive is then read-only"
         ),
     );
 }
@@ -294,11 +294,7 @@ fn control_needs_registers_to_command_by() {
             "unit = \"%\"\naccess = \"read-write\"".to_owned(),
             "its frequency command is not in Hz",
         ),
-        (
-            "role = \"frequency-command\"\n",
-            String::new(),
-            "its description has no registers for run and frequency commands",
-        ),
+        ("role = \"frequency-command\"\n", String::new(), "its description has no registers for run and frequency commands"),
     ] {
         let catalog = Catalog::from_texts([("acme-two.toml", with(acme, from, &to).as_str())]).unwrap();
         let found = load(&of_model("acme-two"), &catalog).unwrap_err();
@@ -323,7 +319,7 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
     let error = |what: &str, list: &str| {
         Err(vec![format!(
             "{AT}.accept_unverified: acme-two takes no orders: not proven by a manual of it: {what}; \
-             accept_unverified = [{list}] once a stop was seen to work, or no control section; the drive is read-only then"
+             accept_unverified = [{list}] once you have seen a stop work, or no control section; the drive is then read-only"
         )])
     };
     assert_eq!(told(stop, &inferred, ""), error("stop (inferred)", "\"basic\""));
@@ -378,7 +374,7 @@ fn what_a_model_cannot_do_is_refused_by_name() {
         &with(&of_model("acme-two"), "min = 5.0", "min = 5.05"),
         &format!(
             "{AT}.frequency_hz.min: 5.05 Hz is finer than the register's steps of 1/10; \
-             a frequency that `frequency_command` can be set to"
+             a frequency that `frequency_command` can represent"
         ),
     );
 }
@@ -404,8 +400,8 @@ fn an_acceptance_accepts_something() {
     let two =
         with(&of_model("acme-two"), "on_shutdown = \"hold\"\n", "on_shutdown = \"hold\"\naccept_unverified = [X]\n");
     for (list, problem) in [
-        ("'coast'", "[0]: acme-two has no coast, so nothing is to be accepted; leave it out"),
-        ("'reverse'", "[0]: `directions` does not allow \"reverse\", so nothing is to be accepted; leave it out"),
+        ("'coast'", "[0]: acme-two has no coast, so there is nothing to accept; leave it out"),
+        ("'reverse'", "[0]: `directions` does not allow \"reverse\", so there is nothing to accept; leave it out"),
         ("'reset', 'reset'", "[1]: \"reset\" is listed twice; each once"),
         (
             "'rest'",
@@ -417,7 +413,7 @@ fn an_acceptance_accepts_something() {
     }
     for (action, at) in [("reverse", 0), ("reset", 1), ("coast", 2)] {
         let problem = format!(
-            "{AT}.accept_unverified[{at}]: {action} is proven for hyundai-n700 (manual), so nothing is to be accepted; \
+            "{AT}.accept_unverified[{at}]: {action} is proven for hyundai-n700 (manual), so there is nothing to accept; \
              leave it out"
         );
         let found = problems(&control_with("accept_unverified = ['reverse', 'reset', 'coast']"));

@@ -59,9 +59,9 @@ fn whoever_is_elsewhere_is_let_in_by_name_and_signs_in_through_tls() {
     assert_eq!(
         problems(&text("0.0.0.0:8080", &user)),
         [
-            "http.allow: 0.0.0.0:8080 can be reached from other hosts, and `allow` does not say by whom; \
+            "http.allow: 0.0.0.0:8080 can be reached from other hosts, and `allow` does not restrict them; \
              allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address",
-            "http.tls: 0.0.0.0:8080 can be reached from other hosts, and passwords would cross the network in plain view; \
+            "http.tls: 0.0.0.0:8080 can be reached from other hosts, and passwords would be sent unencrypted; \
              `[http.tls]` with `cert_file` and `key_file`, or a loopback address, or no `users`",
         ]
     );
@@ -71,7 +71,7 @@ fn whoever_is_elsewhere_is_let_in_by_name_and_signs_in_through_tls() {
     assert!(http(&format!("{read_only}{tls}")).tls.is_some());
     only(
         &text("127.0.0.1:8080", &format!("allow = []\n{user}")),
-        "http.allow: an empty list permits no client; networks as \"10.0.0.0/24\", or no listener at all",
+        "http.allow: an empty list allows no client; networks as \"10.0.0.0/24\", or no listener at all",
     );
 }
 
@@ -98,14 +98,14 @@ fn names_of_users_and_hosts_are_names() {
     let two = format!("{}\n[[http.users]]\n{}", anna(), anna());
     only(
         &with_user(&two),
-        "http.users[1].name: the name `anna` is taken by http.users[0].name; a name that no other user has",
+        "http.users[1].name: the name `anna` is taken by http.users[0].name; a name that no other user uses",
     );
     assert!(problems(&with_user(&anna().replace("anna", "anna smith")))[0].starts_with("http.users[0].name: "));
     for wrong in ["gw:8080", "http://gw", "a b"] {
         only(
             &with_http(&format!("listen = '127.0.0.1:8080'\nhosts = ['{wrong}']\n[[http.users]]\n{}", anna())),
             &format!(
-                "http.hosts[0]: `{wrong}` is no name of a host; a name without a port, as \"gateway.plant.example\""
+                "http.hosts[0]: `{wrong}` is not a host name; a name without a port, as \"gateway.plant.example\""
             ),
         );
     }

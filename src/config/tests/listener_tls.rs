@@ -85,7 +85,7 @@ fn a_listener_without_a_role_serves_nobody() {
     let found = problems(&secured("write = ['127.0.0.1/32']", ""));
     assert_eq!(
         found,
-        ["modbus_tcp[0].tls.roles: no role is listed, so no request of anybody is answered; \
+        ["modbus_tcp[0].tls.roles: no role is listed, so no client is answered; \
           `roles = { operator = [\"write\", \"stop\"], viewer = [] }` with your own roles"]
     );
 }
@@ -97,7 +97,7 @@ fn a_right_that_no_role_or_no_drive_can_use_is_refused() {
         "modbus_tcp[0].write: has no effect: no role of `tls` may write; \"write\" in the `roles` of those who may, or leave it out",
     );
     let found = problems(&secured("", "watchman = ['stop']"));
-    assert!(found[0].contains("commands from \"modbus-tcp\" cannot come"), "{found:?}");
+    assert!(found[0].contains("commands from \"modbus-tcp\" are impossible"), "{found:?}");
     let found = problems(&from_mqtt(&secured("", OPERATOR)));
     assert_eq!(
         found,
@@ -115,7 +115,7 @@ fn whoever_may_start_may_stop_without_a_list_as_well() {
     only(
         &secured("allow = ['10.0.0.0/24']\nstop = ['10.0.0.0/25']", OPERATOR),
         "modbus_tcp[0].stop: without `write` all of 10.0.0.0/24 may write, and it is not in `stop`: a client that may start \
-         must be allowed to stop; `write` with those who may, or leave `stop` out as well",
+         must be allowed to stop; `write` with the networks that may, or leave `stop` out as well",
     );
     good(&secured("allow = ['10.0.0.0/24']\nstop = ['10.0.0.0/24']", OPERATOR));
 }

@@ -299,8 +299,8 @@ fn a_station_is_in_the_models_range_and_stands_once_on_its_line() {
     let text = drive_with("[[line.drive]]\nname = 'pump-2'\nmodel = 'hyundai-n700'\nstation = 1");
     only(
         &text,
-        "line[0].drive[1].station: drive `pump-1` and drive `pump-2` would both answer at station 1; \
-         a station that no other drive of the line has",
+        "line[0].drive[1].station: drive `pump-1` and drive `pump-2` both use station 1; \
+         a station that no other drive on the line uses",
     );
     good(TWO_LINES);
     for beyond in [0, 250] {
@@ -345,7 +345,7 @@ fn what_every_model_lacks_is_said_of_each() {
 #[test]
 fn link_settings_that_the_models_do_not_share_must_be_given() {
     let text = drive_with("[[line.drive]]\nname = 'mixer'\nmodel = 'acme-one'\nstation = 2");
-    let differ = "is left out, and the models of the line come with different factory settings";
+    let differ = "is left out, and the models of the line have different factory settings";
     assert_eq!(
         problems(&text),
         [
@@ -366,17 +366,17 @@ fn link_settings_that_the_models_do_not_share_must_be_given() {
 fn names_and_ports_stand_once() {
     only(
         &with(TWO_LINES, "hall-2", "hall-1"),
-        "line[1].name: the name `hall-1` is taken by line[0].name; a name that no other line has",
+        "line[1].name: the name `hall-1` is taken by line[0].name; a name that no other line uses",
     );
     only(
         &with(TWO_LINES, "pump-2", "pump-1"),
         "line[1].drive[0].name: the name `pump-1` is taken by line[0].drive[0].name; \
-         a name that no other drive of the gateway has",
+         a name that no other drive of the gateway uses",
     );
     only(
         &with(TWO_LINES, "/dev/ttyUSB1", "/dev//ttyUSB0"),
         "line[1].port: the port /dev//ttyUSB0 is taken by line[0].port; \
-         a port of its own; drives on one bus belong to one line",
+         a different port; drives on one bus belong to one line",
     );
 }
 
@@ -463,7 +463,7 @@ fn a_listener_that_others_can_reach_says_who_may_connect() {
     let text = with(MINIMAL, "127.0.0.1:1502", "0.0.0.0:1502");
     only(
         &text,
-        "modbus_tcp[0].allow: 0.0.0.0:1502 can be reached from other hosts, and `allow` does not say by whom; \
+        "modbus_tcp[0].allow: 0.0.0.0:1502 can be reached from other hosts, and `allow` does not restrict them; \
          allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address",
     );
     good(&format!("{text}allow = ['10.0.0.0/24']\n"));
@@ -480,7 +480,7 @@ fn networks_are_exact() {
     ] {
         only(&listener_with(&format!("allow = ['{network}']")), &format!("{at}: `{network}` {problem}"));
     }
-    let empty = "modbus_tcp[0].allow: an empty list permits no client; \
+    let empty = "modbus_tcp[0].allow: an empty list allows no client; \
                  networks as \"10.0.0.0/24\", or no listener at all";
     only(&listener_with("allow = []"), empty);
 }
@@ -495,7 +495,7 @@ fn listeners_keep_out_of_each_others_way() {
             &second(taken),
             &format!(
                 "modbus_tcp[1].listen: {taken} is taken by the listener 127.0.0.1:1502; \
-                 an address or a port of its own"
+                 a different address or port"
             ),
         );
     }

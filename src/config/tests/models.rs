@@ -38,7 +38,7 @@ fn settled(model: &Model, from: &str, to: &str) -> Result<(Ratings, Vec<u16>, bo
     Err(problems.iter().map(|it| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"))).collect())
 }
 
-/// A model that reports its current in per cent of the rated one.
+/// A model that reports its current in percent of the rated one.
 fn in_per_cent() -> Model {
     model(|it| {
         it.quirks.percent_of_rated = Some(proven(()));
@@ -67,7 +67,7 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
         ("rated_current_a = 1.0005", "rated_current_a: 1.0005 is finer than 0.001; at most three decimals"),
         (
             "rated_voltage_v = 400",
-            "rated_voltage_v: has no effect: acme-two reports no voltage in per cent of the rated one; leave it out",
+            "rated_voltage_v: has no effect: acme-two reports no voltage in percent of the rated one; leave it out",
         ),
     ] {
         assert_eq!(rated(&model, line), Err(vec![format!("{AT}.{problem}")]), "{line}");
@@ -75,7 +75,7 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
     only(
         &drive_with("rated_current_a = 12.5"),
         &format!(
-            "{AT}.rated_current_a: has no effect: hyundai-n700 reports no current in per cent of the rated one; \
+            "{AT}.rated_current_a: has no effect: hyundai-n700 reports no current in percent of the rated one; \
              leave it out"
         ),
     );
@@ -113,12 +113,12 @@ fn control_is_handed_back_only_where_the_model_can_and_the_operator_wants_it() {
         (
             &unsure,
             "accept_unverified = ['release']",
-            "accept_unverified[0]: `allow_release` is not true, so nothing is to be accepted; leave it out",
+            "accept_unverified[0]: `allow_release` is not true, so there is nothing to accept; leave it out",
         ),
         (
             &sure,
             "allow_release = true\naccept_unverified = ['release']",
-            "accept_unverified[0]: release is proven for acme-two (manual), so nothing is to be accepted; leave it out",
+            "accept_unverified[0]: release is proven for acme-two (manual), so there is nothing to accept; leave it out",
         ),
     ] {
         assert_eq!(release(model, lines), Err(vec![format!("{AT}.control.{problem}")]), "{lines}");
@@ -129,7 +129,7 @@ fn control_is_handed_back_only_where_the_model_can_and_the_operator_wants_it() {
 fn a_stop_that_nobody_sees_is_not_controlled() {
     let blind = model(|it| it.registers.retain(|register| register.role != Some(Role::OutputFrequency)));
     let why = "acme-two cannot be controlled: its description has no output frequency that is polled, to see that a \
-               stop takes effect; leave `control` out; the drive is read-only then";
+               stop takes effect; leave `control` out; the drive is then read-only";
     assert_eq!(settled(&blind, "station = 1", "station = 1"), Err(vec![format!("{AT}.control: {why}")]));
 }
 
@@ -161,7 +161,7 @@ fn a_stored_twin_is_listed_by_its_own_address() {
     assert_eq!(writes(&twins, "['plain']"), Ok(vec![0x0100]));
     assert_eq!(writes(&twins, "['0x8100']"), Ok(vec![0x8100]));
     assert_eq!(writes(&twins, "['0x8100', '0x0100']"), Ok(vec![0x8100, 0x0100]));
-    let around = "is what commands are written to; leave it out; `control` says what may be commanded, and each write \
+    let around = "takes commands; leave it out; `control` says what may be commanded, and each write \
                   there is reviewed as a command";
     for (list, problem) in [
         ("['0x8002']", format!("the stored twin of `run_command` {around}")),
@@ -194,7 +194,7 @@ fn a_register_of_the_configuration_is_no_way_to_a_twin() {
     added.name = "mine".to_owned();
     twins.registers.push(added);
     let found = settled(&twins, "write = []", "write = ['mine']").unwrap_err();
-    assert!(found[0].contains("the stored twin of `run_command` is what commands are written to"), "{found:?}");
+    assert!(found[0].contains("the stored twin of `run_command` takes commands"), "{found:?}");
 }
 
 #[test]

@@ -70,20 +70,20 @@ fn everything_that_is_written_is_taken() {
 
 #[test]
 fn the_nodes_of_a_cluster_are_different_ones_and_reached_alike() {
-    let twice = "a node that is named before; leave it out";
-    let embedded = "the embedded broker is at one place; leave it out";
+    let twice = "the node is listed twice; leave it out";
+    let embedded = "the embedded broker has only one node; leave it out";
     let mixed = "the nodes of a broker are either all at mqtts:// or all at mqtt://; as in `broker`";
     for (broker, node, problem) in [
         ("mqtts://a", "'mqtts://a:8883'", twice),
         ("mqtts://a", "'mqtt://b'", mixed),
         ("mqtt://a", "'mqtts://b'", mixed),
         ("mqtt://a", "'embedded'", embedded),
-        ("embedded", "'mqtt://a'", "has no effect: the embedded broker is at one place; leave it out"),
+        ("embedded", "'mqtt://a'", "has no effect: the embedded broker has only one node; leave it out"),
     ] {
         only(&over(broker, &format!("also_at = [{node}]")), &format!("mqtt.also_at[0]: {problem}"));
     }
     only(&over("mqtt://a", "also_at = ['mqtt://b', 'mqtt://b']"), &format!("mqtt.also_at[1]: {twice}"));
-    let in_plain = "a user or a password does not stand in the address; \
+    let in_plain = "a user or a password must not be in the address; \
                     `user`, and `password_file` or `password_env`, beside it";
     only(&over("mqtt://a", "also_at = ['mqtt://vfd:secret@b']"), &format!("mqtt.also_at[0]: {in_plain}"));
 }
@@ -91,7 +91,7 @@ fn the_nodes_of_a_cluster_are_different_ones_and_reached_alike() {
 #[test]
 fn a_password_is_as_secret_at_every_node() {
     let text = over("mqtt://localhost", "also_at = ['mqtt://b']\nuser = 'vfd'");
-    let problem = "user and password would go over the network in plain view; \
+    let problem = "user and password would be sent unencrypted over the network; \
                    `mqtts://`, or `allow_plain_password = true` on a network that you trust";
     only(&text, &format!("mqtt.broker: {problem}"));
     good(&text.replace("user =", "allow_plain_password = true\nuser ="));
@@ -101,15 +101,15 @@ fn a_password_is_as_secret_at_every_node() {
 fn a_broker_has_a_scheme_a_host_and_a_port() {
     let right = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
     for (broker, problem) in [
-        ("broker:1883", format!("`broker:1883` is no address of a broker; {right}")),
-        ("embeded", "`embeded` is no address of a broker; \"embedded\"".to_owned()),
+        ("broker:1883", format!("`broker:1883` is not the address of a broker; {right}")),
+        ("embeded", "`embeded` is not the address of a broker; \"embedded\"".to_owned()),
         ("tcp://broker", format!("a broker over `tcp://` is not served; {right}")),
         ("mqtt://broker:0", format!("`mqtt://broker:0` has no usable port; {right}")),
         ("mqtt://", format!("`mqtt://` has no usable host; {right}")),
         ("mqtt://broker/vfd", format!("`mqtt://broker/vfd` has more than a host and a port; {right}")),
         (
             "mqtt://vfd:secret@broker",
-            "a user or a password does not stand in the address; \
+            "a user or a password must not be in the address; \
              `user`, and `password_file` or `password_env`, beside it"
                 .to_owned(),
         ),
@@ -123,7 +123,7 @@ fn a_password_never_stands_in_the_file() {
     let found = problems(&over("mqtts://broker", "user = 'vfd'\npassword = 'secret'"));
     assert_eq!(
         found,
-        ["mqtt.password: a password does not stand in this file, which others read and copy; \
+        ["mqtt.password: a password must not be in this file, which others may read and copy; \
           `password_file` with an absolute path, or `password_env` with the name of an environment variable"]
     );
     only(
@@ -146,7 +146,7 @@ fn a_password_never_stands_in_the_file() {
 
 #[test]
 fn a_password_in_plain_view_must_be_meant() {
-    let exposed = "mqtt.broker: user and password would go over the network in plain view; \
+    let exposed = "mqtt.broker: user and password would be sent unencrypted over the network; \
                    `mqtts://`, or `allow_plain_password = true` on a network that you trust";
     only(&over("mqtt://broker", "user = 'vfd'\npassword_env = 'MQTT'"), exposed);
     only(&over("mqtt://10.0.0.7", "user = 'vfd'\nallow_plain_password = false"), exposed);
@@ -157,8 +157,8 @@ fn a_password_in_plain_view_must_be_meant() {
     {
         only(
             &over(broker, &format!("{lines}\nallow_plain_password = true")),
-            "mqtt.allow_plain_password: has no effect: no user or password goes over the network in plain \
-             view; leave it out",
+            "mqtt.allow_plain_password: has no effect: no user or password is sent unencrypted over the \
+             network; leave it out",
         );
     }
 }
@@ -184,7 +184,7 @@ fn files_for_tls_come_with_tls_and_in_pairs() {
 
 #[test]
 fn the_embedded_broker_knows_nobody() {
-    let at = |key: &str| format!("mqtt.{key}: the embedded broker knows no users; leave it out");
+    let at = |key: &str| format!("mqtt.{key}: the embedded broker has no users; leave it out");
     assert_eq!(
         problems(&over("embedded", "user = 'vfd'\npassword_env = 'MQTT'\nca_file = '/etc/ca.pem'")),
         [
@@ -199,7 +199,7 @@ fn the_embedded_broker_knows_nobody() {
 fn a_key_that_another_makes_idle_is_refused() {
     only(
         &over("mqtt://broker", "lease = 'explicit'\nalive_topic = 'homeassistant/status'"),
-        "mqtt.alive_topic: has no effect: an explicit lease does not hang on any topic of others; \
+        "mqtt.alive_topic: has no effect: an explicit lease does not depend on a topic; \
          leave it out, or lease = \"session\"",
     );
     only(
@@ -233,7 +233,7 @@ fn times_and_versions_stay_in_their_range() {
         ("version = 3", "version: 3 is out of range; a whole number from 4 to 5"),
         ("heartbeat = '500ms'", "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\""),
         ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"5s\" to \"10min\""),
-        ("keep_alive = '5500ms'", "keep_alive: the protocol counts this time in whole seconds; \"5s\""),
+        ("keep_alive = '5500ms'", "keep_alive: the protocol uses whole seconds for this time; \"5s\""),
         ("keep_telemetry = 100001", "keep_telemetry: 100001 is out of range; a whole number from 0 to 100000"),
         ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
@@ -352,12 +352,12 @@ fn a_drive_that_a_host_commands_needs_a_sign_of_life_of_it() {
     };
     only(
         &with(&control("'sparkplug'", ""), ""),
-        "line[0].drive[0].control.from[0]: commands from \"sparkplug\" cannot come: there is no `[mqtt.sparkplug]`; \
+        "line[0].drive[0].control.from[0]: commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`; \
          `[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out",
     );
     only(
         &with(&control("'sparkplug'", ""), SPARKPLUG),
-        "line[0].drive[0].control.from[0]: a session lease of a Sparkplug host lives while that is online, and no host is \
+        "line[0].drive[0].control.from[0]: a session lease of a Sparkplug host lasts while it is online, and no host is \
          named; `primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"",
     );
     let by_itself = good(&with(&control("'sparkplug'", "lease = 'explicit'"), SPARKPLUG));

@@ -36,9 +36,9 @@ fn a_register_of_the_configuration_may_be_listed() {
 
 #[test]
 fn only_registers_that_are_no_way_around_control_are_listed() {
-    let command = "is what commands are written to; leave it out; `control` says what may be commanded, \
+    let command = "takes commands; leave it out; `control` says what may be commanded, \
                    and each write there is reviewed as a command";
-    let around = "decides what the motor obeys, and would be a way around `control`; leave it out";
+    let around = "selects the source of commands, and would bypass `control`; leave it out";
     for (written, name, problem) in [
         ("0x0002", "run_command", command),
         ("frequency_command", "frequency_command", command),
@@ -78,7 +78,7 @@ fn who_may_write_is_said_by_control() {
     only(
         &text,
         &format!(
-            "{AT}: registers are written by those who may command, and the drive has no control section; \
+            "{AT}: only clients that may command can write registers, and the drive has no control section; \
              a `[line.drive.control]`, or leave `native` out"
         ),
     );

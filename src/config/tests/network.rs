@@ -79,7 +79,7 @@ fn a_right_that_nobody_can_use_is_refused() {
     only(
         &listener_with("reads_renew = true"),
         "modbus_tcp[0].reads_renew: has no effect: no client may write here, so there is no lease to renew; \
-         `write` with those who may, or leave it out",
+         `write` with the networks that may, or leave it out",
     );
     good(&listener_with("write = []\nstop = []\nreads_renew = false"));
 }
@@ -91,7 +91,7 @@ fn http_has_an_address_of_its_own() {
     good(&http("[::1]:8080"));
     only(
         &http("127.0.0.1:1502"),
-        "http.listen: 127.0.0.1:1502 is taken by the listener 127.0.0.1:1502; an address or a port of its own",
+        "http.listen: 127.0.0.1:1502 is taken by the listener 127.0.0.1:1502; a different address or port",
     );
     only(
         &format!("{MINIMAL}[http]"),
@@ -131,8 +131,8 @@ fn a_limit_that_makes_no_sense_is_refused() {
             "idle_timeout = '500ms'",
             "idle_timeout: clients that ask once a second would be closed in between; at least \"1s\", or \"0s\" for none",
         ),
-        ("keep_alive = '1500ms'", "keep_alive: the system counts this time in whole seconds; \"1s\""),
-        ("keep_alive = '200ms'", "keep_alive: the system counts this time in whole seconds; \"1s\""),
+        ("keep_alive = '1500ms'", "keep_alive: the system uses whole seconds for this time; \"1s\""),
+        ("keep_alive = '200ms'", "keep_alive: the system uses whole seconds for this time; \"1s\""),
         (
             "priority = ['10.0.0.10/32']",
             "priority[0]: 10.0.0.10/32 cannot reach 127.0.0.1:1502, which is this host only; \"127.0.0.1/32\"",
@@ -180,7 +180,7 @@ fn whoever_is_to_command_a_drive_reaches_one_of_its_units() {
     let found = problems(&rights("write = ['127.0.0.1/32']\nunits = [2]"));
     assert_eq!(found.len(), 2, "{found:?}");
     assert!(found[0].starts_with(
-        "line[0].drive[0].control.from[1]: commands from \"modbus-tcp\" cannot come: no listener of line `hall-1` lets"
+        "line[0].drive[0].control.from[1]: commands from \"modbus-tcp\" are impossible: no listener of line `hall-1` allows"
     ));
     assert!(
         found[1].starts_with("modbus_tcp[0].write: has no effect: no drive that is served here takes commands"),

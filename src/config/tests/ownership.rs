@@ -54,7 +54,7 @@ fn a_drives_lease_goes_before_that_of_the_broker() {
     }
     let told = problems(&with(&leases(None, Some("explicit")), "broker =", "alive_topic = 'ha/status'\nbroker ="));
     assert!(
-        matches!(&told[..], [one] if one.contains("has no effect: an explicit lease does not hang on any topic")),
+        matches!(&told[..], [one] if one.contains("has no effect: an explicit lease does not depend on a topic")),
         "{told:?}"
     );
 }

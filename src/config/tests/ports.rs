@@ -12,7 +12,7 @@ fn line_at(port: &str, keys: &str) -> String {
 fn a_port_that_is_none_is_told_with_what_would_be_right() {
     let right = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\", or a serial device server, as \
                  \"tcp://10.0.0.7:4001\"";
-    only(&line_at("ttyUSB0", ""), &format!("line[0].port: `ttyUSB0` is no absolute path; {right}"));
+    only(&line_at("ttyUSB0", ""), &format!("line[0].port: `ttyUSB0` is not an absolute path; {right}"));
     let http = "line[0].port: a line over `http://` is not served";
     only(&line_at("http://10.0.0.7:4001", ""), &format!("{http}; {right}"));
     only(
@@ -27,7 +27,7 @@ fn a_serial_device_server_stands_once() {
     let text = with(TWO_LINES, "/dev/ttyUSB0", "tcp://Hall.example:4001");
     only(
         &with(&text, "/dev/ttyUSB1", "tcp://hall.example:4001"),
-        "line[1].port: the port tcp://hall.example:4001 is taken by line[0].port; a port of its own; drives on one bus \
+        "line[1].port: the port tcp://hall.example:4001 is taken by line[0].port; a different port; drives on one bus \
          belong to one line",
     );
     let config = good(&with(&text, "/dev/ttyUSB1", "tcp://hall.example:4002"));

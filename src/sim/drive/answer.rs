@@ -1,4 +1,4 @@
-//! Requests and replies: what the drive serves, and what it takes.
+//! Requests and replies of a simulated drive.
 
 use super::SimDrive;
 use super::back_door::BackDoor;
@@ -10,7 +10,7 @@ use crate::sim::options::BadRequest;
 use crate::wire::pdu::{self, Request, function};
 
 impl SimDrive {
-    /// Does what `pdu` asks and appends the reply's PDU to `out`; false if the drive stays silent.
+    /// Executes `pdu` and appends the reply's PDU to `out`; false if the drive stays silent.
     /// `exchange` is the number that proof words show.
     pub fn answer(&mut self, at: MonoTime, pdu: &[u8], exchange: u64, out: &mut Vec<u8>) -> bool {
         self.advance(at);
@@ -33,7 +33,7 @@ impl SimDrive {
         true
     }
 
-    /// Does what a broadcast `pdu` asks, without a reply, if the model knows broadcasts of this function.
+    /// Executes a broadcast `pdu` without a reply, if the model supports broadcasts of this function.
     pub fn obey(&mut self, at: MonoTime, pdu: &[u8]) {
         self.advance(at);
         let known = self
@@ -45,7 +45,7 @@ impl SimDrive {
         if !self.hears(at) || !known {
             return;
         }
-        // Nobody is told whether the drive took it.
+        // A broadcast is not answered.
         if self.serve(at, pdu, 0, &mut Vec::new()).is_ok() {
             self.heard(at);
         }
@@ -91,7 +91,7 @@ impl SimDrive {
                 out.extend(pdu.get(..5).unwrap_or_default());
                 Ok(())
             }
-            // Other functions that a model serves are not played, nor are other loop tests.
+            // Other functions of a model, and other loop tests, are not simulated.
             Some(Request::Unserved { .. }) | None => Err(Denied::Request(match function {
                 function::READ_HOLDING | function::WRITE_SINGLE | function::WRITE_MULTIPLE => Objection::Quantity,
                 _ => Objection::Function,
@@ -116,7 +116,7 @@ impl SimDrive {
         Ok(())
     }
 
-    /// The word at `address` as a read shows it; nothing if reading is not documented there.
+    /// The word at `address` as shown by a read; `None` if reading is not documented there.
     fn readable(&self, at: MonoTime, address: u16, exchange: u64) -> Option<u16> {
         if self.options.proof_words.as_ref().is_some_and(|range| range.contains(&address)) {
             return Some((exchange & 0xFFFF) as u16);
@@ -128,10 +128,10 @@ impl SimDrive {
         }
     }
 
-    /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
+    /// Accepts `value` or keeps the old one; returns what the register at `address` then holds.
     fn write(&mut self, at: MonoTime, address: u16, value: u16) -> Result<u16, Denied> {
         let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
-        // One that answers with the word it holds refuses nothing where that is the same.
+        // A drive that answers with the kept word refuses nothing if both are equal.
         let is_new = self.model.write.refused.value == RefusedWrite::Exception || self.held(at, place.index) != value;
         let is_refused = is_new && self.refuses_stop(function::WRITE_SINGLE, address, value);
         let done = if is_refused { Err(Objection::Address) } else { self.store(at, place, value) };
@@ -144,7 +144,7 @@ impl SimDrive {
         }
     }
 
-    /// Takes all `values` or none.
+    /// Accepts all `values` or none.
     fn write_block(&mut self, at: MonoTime, first: u16, values: &[u16]) -> Result<(), Denied> {
         // Without a block, function 10 hex writes one register as 06 does it.
         let block = self.model.write.block.as_ref();
@@ -170,13 +170,13 @@ impl SimDrive {
         });
         match done {
             Ok(()) => *self = trial,
-            // What nobody should have written was written all the same.
+            // A forbidden word was written.
             Err(_) => self.report.forbidden_words = trial.report.forbidden_words,
         }
         done.map_err(Denied::Refused)
     }
 
-    /// Takes `value` at `place`, or says why not.
+    /// Accepts `value` at `place`, or returns why not.
     fn store(&mut self, at: MonoTime, place: MemoryAddress, value: u16) -> Result<(), Objection> {
         let register = &self.model.registers[place.index];
         let role = register.role;

@@ -1,19 +1,19 @@
-//! Registers that are other ways to the motor: what they do, as far as their unit and the model's reason tell.
+//! Back doors: registers that are other ways to the motor, as far as their unit and the model's reason show their effect.
 
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::Register;
 
-/// What a back door does.
+/// The effect of a back door.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum BackDoor {
-    /// No frequency above it is given out. It is locked while the motor runs.
+    /// Upper limit of the output frequency. Locked while the motor runs.
     Limit,
     /// A second frequency command.
     Frequency,
 }
 
 impl BackDoor {
-    /// What `register` does; nothing where it is a plain word, because it is none or because nobody knows.
+    /// The effect of `register`; `None` if it is a plain word: no back door, or one with unknown effect.
     pub(super) fn of(register: &Register) -> Option<Self> {
         let is_frequency = register.unit == UnitOfMeasure::Hertz && register.role.is_none();
         match register.back_door.as_deref() {

@@ -1,28 +1,28 @@
-//! What a word in the run command register means.
+//! Meaning of a word in the run command register.
 
 use crate::profile::model::{BitMeaning, RunCommand, RunForm};
 
-/// What a run command orders.
+/// The orders in a run command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct RunOrder {
-    /// 1 forward, -1 reverse, 0 not to run.
+    /// 1 forward, -1 reverse, 0 stop.
     pub(super) direction: i64,
     /// It runs at the jog frequency.
     pub(super) jog: bool,
     pub(super) coast: bool,
     pub(super) trip: bool,
     pub(super) reset: bool,
-    /// Panel and terminals get control back.
+    /// Returns control to panel and terminals.
     pub(super) release: bool,
-    /// The drive obeys the bus whatever its sources say.
+    /// Makes the drive obey the bus whatever its source registers say.
     pub(super) bus_run: bool,
     /// The same for the frequency.
     pub(super) bus_frequency: bool,
-    /// What is not ordered goes on as it was: the word is one command and not a set of states.
+    /// Everything else stays unchanged: the word is one command, not a set of states.
     pub(super) is_one_command: bool,
 }
 
-/// What `word` orders; nothing if it means nothing.
+/// The orders in `word`; `None` if it has no meaning.
 pub(super) fn wish(run: &RunCommand, word: u16) -> Option<RunOrder> {
     match &run.form {
         RunForm::Values => one_command(run, word),
@@ -36,7 +36,7 @@ pub(super) fn wish(run: &RunCommand, word: u16) -> Option<RunOrder> {
     }
 }
 
-/// Whether the model's words can take control whatever the drive's sources say.
+/// Whether the model's words can take control whatever the drive's source registers say.
 pub(super) fn has_priority(run: &RunCommand) -> bool {
     let takes = |meaning| matches!(meaning, BitMeaning::BusRun | BitMeaning::BusFrequency);
     matches!(&run.form, RunForm::Bits { bits, .. } if bits.iter().any(|it| takes(it.meaning)))

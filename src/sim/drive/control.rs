@@ -1,4 +1,4 @@
-//! Who commands the motor, bus or panel, and what they order.
+//! Control of the motor: bus or panel, and their orders.
 
 use super::SimDrive;
 use super::back_door::BackDoor;
@@ -13,23 +13,23 @@ use std::time::Duration;
 
 /// Output frequency of a jog in microhertz.
 const JOG: i64 = 5 * MICROHERTZ;
-/// Number of a trip that was ordered, where the model's table has none for it.
+/// Number of an ordered trip, if the model's table has none for it.
 const ORDERED_TRIP: u16 = 1;
 
-/// What the drive obeys.
+/// The orders that the drive obeys.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Control {
     /// 1 forward, -1 reverse, 0 not ordered to run.
     pub(super) direction: i64,
     is_jog: bool,
-    /// The newest word takes control whatever the sources say.
+    /// The newest word takes control whatever the source registers say.
     bus_run: bool,
     bus_frequency: bool,
     /// The newest word has the reset bit.
     reset_held: bool,
 }
 
-/// Time with an order to run.
+/// Accumulated running time.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RunClock {
     total: Duration,
@@ -50,7 +50,7 @@ impl RunClock {
 }
 
 impl SimDrive {
-    /// Takes `word` from the run command register; the motor follows.
+    /// Applies `word` from the run command register to the motor.
     pub(super) fn take_run_command(&mut self, at: MonoTime, place: MemoryAddress, word: u16) -> Result<(), Objection> {
         let Some(run) = self.model.run.as_ref() else { return Err(Objection::Value) };
         if run.never.iter().any(|never| never.value == word) {
@@ -63,7 +63,7 @@ impl SimDrive {
         if (needs_sources && !has_sources) || (wish.direction != 0 && self.tripped) {
             return Err(Objection::NotNow);
         }
-        // What the word does may change what the register holds.
+        // The effect of the word may change the register.
         self.take(place, word);
         self.obey_word(at, wish);
         Ok(())
@@ -79,7 +79,7 @@ impl SimDrive {
             self.trip(at, self.ordered_trip());
         }
         let has_bus = self.is_run_from_bus();
-        // A command that resets and nothing else leaves a drive that is not tripped as it was.
+        // A command that only resets does not change a drive without a trip.
         let only_resets = wish.is_one_command && wish.reset;
         if wish.release || (had_bus && !has_bus) {
             self.hand_over(at);
@@ -93,7 +93,7 @@ impl SimDrive {
         }
     }
 
-    /// Ends the trip. A drive that is deaf afterwards starts anew: it knows no command and no setpoint any more.
+    /// Ends the trip. A drive that ignores requests afterwards restarts: it forgets command and setpoint.
     fn reset(&mut self, at: MonoTime) {
         self.tripped = false;
         let Some(deaf) = &self.model.quirks.deaf_after_reset else { return };
@@ -104,7 +104,7 @@ impl SimDrive {
         }
     }
 
-    /// Loses what commands have set in registers that forget.
+    /// Clears command values in volatile registers.
     pub(super) fn forget_orders(&mut self) {
         let reset_held = self.control.reset_held;
         self.control = Control { reset_held, ..Control::default() };
@@ -117,13 +117,13 @@ impl SimDrive {
         }
     }
 
-    /// Panel and terminals have control from now on.
+    /// Gives control to panel and terminals.
     pub(super) fn hand_over(&mut self, at: MonoTime) {
         let direction = if self.tripped { 0 } else { self.options.panel_runs.map_or(0, sign) };
         self.run(at, direction, false);
     }
 
-    /// Takes `value` as the setpoint; a running motor follows.
+    /// Applies `value` as the setpoint; a running motor follows.
     pub(super) fn take_setpoint(&mut self, at: MonoTime, value: u16, scale: u32) -> Result<(), Objection> {
         let setpoint = i64::from(value) * MICROHERTZ / i64::from(scale.max(1));
         let listens = self.is_source_at_bus(Role::FrequencySource);
@@ -148,8 +148,8 @@ impl SimDrive {
         self.control.bus_frequency || self.is_source_at_bus(Role::FrequencySource)
     }
 
-    /// Whether the source register with `role` holds what the model's setup demands of it. A model without such a
-    /// register always listens, unless its commands have to say that it must.
+    /// Whether the source register with `role` holds the value that the model's setup requires. A model without such a
+    /// register always obeys, unless its commands must claim control.
     fn is_source_at_bus(&self, role: Role) -> bool {
         let Some(index) = self.index_for(role) else { return !self.model.run.as_ref().is_some_and(has_priority) };
         let word = self.memory.word(index);
@@ -179,21 +179,21 @@ impl SimDrive {
         self.motor.cut_off(at);
     }
 
-    /// A running motor follows what has changed.
+    /// Applies changes to a running motor.
     pub(super) fn follow(&mut self, at: MonoTime) {
         if self.control.direction != 0 {
             self.run(at, self.control.direction, self.control.is_jog);
         }
     }
 
-    /// The frequency, without direction, that a run would have now.
+    /// The frequency, without direction, at which the motor would run now.
     fn wanted(&self) -> i64 {
         let panel = self.options.panel_frequency_hz.filter(|_| !self.is_frequency_from_bus());
         let frequency = panel.map_or(self.setpoint, |hertz| i64::from(hertz) * MICROHERTZ);
         if self.control.is_jog { JOG } else { frequency.min(self.highest()) }
     }
 
-    /// The highest frequency that the drive gives out, in microhertz.
+    /// The maximum output frequency of the drive, in microhertz.
     fn highest(&self) -> i64 {
         let limits = self.model.registers.iter().enumerate();
         let limits = limits.filter(|(_, register)| BackDoor::of(register) == Some(BackDoor::Limit));

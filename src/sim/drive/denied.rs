@@ -1,18 +1,18 @@
-//! Why a drive does not do what it is asked, and the exception code by which a model says so.
+//! Reasons why a drive refuses a request, and the model's exception codes for them.
 
 use crate::profile::model::Model;
 use crate::wire::exception::{ILLEGAL_DATA_ADDRESS, ILLEGAL_DATA_VALUE, ILLEGAL_FUNCTION, SERVER_DEVICE_FAILURE};
 
-/// Why a request was not done.
+/// Why a request was not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Denied {
     /// The drive cannot serve such a request. Some stay silent.
     Request(Objection),
-    /// The drive could, but did not take the value.
+    /// The drive can, but refuses the value.
     Refused(Objection),
 }
 
-/// What a drive objects to.
+/// The part of a request that a drive objects to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Objection {
     /// The function.
@@ -23,22 +23,22 @@ pub(super) enum Objection {
     Quantity,
     /// The value.
     Value,
-    /// The moment: tripped, running, or under somebody else's control.
+    /// The state of the drive: tripped, running, or under other control.
     NotNow,
 }
 
-/// The codes of vendors who number the five objections on their own, from here on in the order of [`Objection`].
+/// First code of vendors with their own five codes, in the order of [`Objection`].
 const OWN_FIRST: u8 = 0x51;
 
 impl Objection {
-    /// The exception code that a drive of `model` answers: the standard's, unless the model is surer of other ones.
+    /// The exception code of a drive of `model`: the standard's, unless the model states others with more confidence.
     ///
-    /// Two habits differ from the standard: five codes of the vendor's own in a row, and a code 04 that stands for
-    /// too many registers instead of a failure.
+    /// There are two deviations from the standard: five consecutive vendor codes, and a code 04 that means too many
+    /// registers instead of a failure.
     pub(super) fn code(self, model: &Model) -> u8 {
         let sureness = |code| model.exception_text(code).map(|it| it.confidence);
         let has_own = (OWN_FIRST..OWN_FIRST + 5).all(|code| sureness(code).is_some());
-        // The surest confidence is the smallest; none at all must not win.
+        // The highest confidence is the smallest value; `None` must not win.
         if has_own && sureness(ILLEGAL_FUNCTION).is_none_or(|standard| sureness(OWN_FIRST) < Some(standard)) {
             return OWN_FIRST + self as u8;
         }

@@ -1,5 +1,5 @@
-//! What others do to a drive, beside the line: its panel, a terminal, another master, the drive itself. And the truth
-//! about the motor, for an observer that does not ask over the line.
+//! Actions on a drive from outside the line: panel, terminals, another master, the drive itself. Also the true state of
+//! the motor, for observers that do not ask over the line.
 
 use super::SimDrive;
 use super::control::sign;
@@ -12,8 +12,8 @@ use crate::sim::options::RefusedStops;
 use crate::wire::pdu::function;
 
 impl SimDrive {
-    /// Runs the motor, or stops it, as a key or a terminal does that acts whatever the sources say. Registers stay as
-    /// they are. A drive that is off or tripped does not run.
+    /// Runs or stops the motor like a key or a terminal that acts whatever the source registers say. Registers do not
+    /// change. A drive that is off or tripped does not run.
     pub fn operate(&mut self, at: MonoTime, runs: Option<Direction>) {
         self.advance(at);
         if self.powered && !(self.tripped && runs.is_some()) {
@@ -21,7 +21,7 @@ impl SimDrive {
         }
     }
 
-    /// Another setpoint, in whole hertz, that did not come over the line.
+    /// Sets another setpoint, in whole hertz, from outside the line.
     pub fn set_frequency(&mut self, at: MonoTime, hertz: u16) {
         self.advance(at);
         if self.powered {
@@ -30,7 +30,7 @@ impl SimDrive {
         }
     }
 
-    /// Ends a trip as a key does, or the drive on its own account; it then runs if `runs` says so.
+    /// Ends a trip as by a key, or by the drive itself; it then runs if `runs`.
     pub fn clear_trip(&mut self, at: MonoTime, runs: Option<Direction>) {
         self.advance(at);
         if self.powered && self.tripped {
@@ -39,18 +39,18 @@ impl SimDrive {
         }
     }
 
-    /// Which stops are refused from now on: with an exception, or by the old value where the model refuses so.
+    /// Sets which stops are refused from now on, in the way in which the model refuses a write.
     pub const fn refuse_stops(&mut self, which: RefusedStops) {
         self.options.refused_stops = which;
     }
 
-    /// Which stops it refuses at present.
+    /// The stops that it currently refuses.
     #[must_use]
     pub const fn refused_stops(&self) -> RefusedStops {
         self.options.refused_stops
     }
 
-    /// What the motor is ordered to do, whoever ordered it, as of the last moment that the drive was given.
+    /// The current order of the motor, from any source, as of the last moment passed to the drive.
     #[must_use]
     pub fn ordered(&self) -> Option<Direction> {
         match self.control.direction {

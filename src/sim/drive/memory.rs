@@ -1,4 +1,4 @@
-//! What the registers of a drive hold now, what they hold after a power cycle, and how often that was written.
+//! Register contents of a drive: current, after a power cycle, and the number of writes to stored memory.
 
 use super::super::options::DriveOptions;
 use super::back_door::BackDoor;
@@ -14,7 +14,7 @@ pub(super) struct Memory {
     stored_writes: Vec<u64>,
 }
 
-/// Which register an address on the wire means, and whether its stored twin.
+/// The register that an address on the wire refers to, and whether to its stored twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MemoryAddress {
     pub(super) index: usize,
@@ -32,36 +32,36 @@ impl Memory {
         self.now[index]
     }
 
-    /// Holds `word` until the power goes.
+    /// Holds `word` until power-off.
     pub(super) fn hold(&mut self, index: usize, word: u16) {
         self.now[index] = word;
     }
 
-    /// Holds and keeps `word`, as the drive's own panel does it.
+    /// Holds and stores `word`, as the drive's own panel does.
     pub(super) fn keep(&mut self, index: usize, word: u16) {
         (self.now[index], self.stored[index]) = (word, word);
     }
 
-    /// Takes `word` from the bus. A stored twin is the same value: what is stored holds at once, too.
+    /// Takes `word` from the bus. A stored twin is the same value, so a write to it takes effect at once.
     pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, word: u16) {
         let MemoryAddress { index, is_twin } = place;
-        // Where no document says that a run command is stored, it is none that comes back with the power.
+        // A run command is not restored at power-up unless a document says that it is stored.
         let is_order = register.role == Some(Role::RunCommand) && register.memory != Some(Kind::Stored);
         if (is_order || register.memory == Some(Kind::Ram)) && !is_twin {
             return self.hold(index, word);
         }
         self.keep(index, word);
-        // A setpoint of which nothing is known comes back with the power, but is no proof of wear.
+        // An undocumented setpoint is restored at power-up, but does not count as wear.
         let is_unknown = register.role == Some(Role::FrequencyCommand) && register.memory.is_none();
         self.stored_writes[index] += u64::from(!is_unknown);
     }
 
-    /// What is stored holds again.
+    /// Restores the stored words.
     pub(super) fn forget(&mut self, index: usize) {
         self.now[index] = self.stored[index];
     }
 
-    /// Everything is as it was stored.
+    /// Resets everything to the stored words.
     pub(super) fn lose_power(&mut self) {
         self.now.clone_from(&self.stored);
     }
@@ -71,7 +71,7 @@ impl Memory {
     }
 }
 
-/// What `address` means in a write.
+/// The target of a write to `address`.
 pub(super) fn place_of(model: &Model, address: u16) -> Option<MemoryAddress> {
     if let Some(index) = index_of(model, address) {
         return Some(MemoryAddress { index, is_twin: false });
@@ -82,12 +82,12 @@ pub(super) fn place_of(model: &Model, address: u16) -> Option<MemoryAddress> {
     (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, is_twin: true })
 }
 
-/// Where the register at `address` stands in the model.
+/// The index in the model of the register at `address`.
 pub(super) fn index_of(model: &Model, address: u16) -> Option<usize> {
     model.registers.binary_search_by_key(&address, |register| register.address).ok()
 }
 
-/// The number after `address`; nothing behind the last one. With `is_decimal` the last two places count to 9.
+/// The address after `address`; `None` after the last one. With `is_decimal` the last two places are decimal digits.
 pub(super) fn following(address: u16, is_decimal: bool) -> Option<u16> {
     let step = match (is_decimal, address & 0x00FF) {
         (true, 0x99) => 0x100 - 0x99,
@@ -99,12 +99,12 @@ pub(super) fn following(address: u16, is_decimal: bool) -> Option<u16> {
 
 const NANOS: u64 = 1_000_000_000;
 
-/// The time that `word` means in `register`, which is in seconds.
+/// The time that `word` represents in `register`, which is in seconds.
 pub(super) fn time(register: &Register, word: u16) -> Duration {
     Duration::from_nanos(u64::from(word) * NANOS / u64::from(register.scale.max(1)))
 }
 
-/// The word that a register of a new drive holds.
+/// The initial word of a register.
 fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16 {
     let seconds = |time: Duration| {
         let raw = time.as_nanos() * u128::from(register.scale) / u128::from(NANOS);

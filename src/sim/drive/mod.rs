@@ -1,17 +1,17 @@
-//! One simulated drive, made from the same model that the gateway reads: it gets request PDUs and gives reply PDUs.
+//! One simulated drive, built from the same model that the gateway reads: request PDUs in, reply PDUs out.
 //!
 //! | part | what it plays |
 //! | --- | --- |
 //! | `answer` | requests and replies |
 //! | `denied` | exception codes |
-//! | `memory` | what registers hold, and what of it is stored |
-//! | `command` | what a run command means |
-//! | `control` | who commands the motor, and what the motor then does |
+//! | `memory` | register contents, volatile and stored |
+//! | `command` | meaning of a run command |
+//! | `control` | control of the motor |
 //! | `shown` | measurements, trips and settings as registers show them |
 //! | `status` | status words |
-//! | `watchdog` | what the drive does when the bus is silent |
+//! | `watchdog` | the reaction to a silent bus |
 //! | `back_door` | other ways to the motor |
-//! | `elsewhere` | what others do to it, and the truth about its motor |
+//! | `elsewhere` | actions from outside the line, and the true state of the motor |
 
 mod answer;
 mod back_door;
@@ -37,7 +37,7 @@ use control::{Control, RunClock};
 use memory::{Memory, MemoryAddress, index_of, time};
 use std::sync::Arc;
 
-/// One drive with its motor. All moments that it is given may be equal but never run backwards.
+/// One drive with its motor. Moments passed to it may be equal but never go back.
 ///
 /// Registers with a role behave; all others of the model are plain words that keep what is written to them.
 #[derive(Clone, Debug)]
@@ -54,9 +54,9 @@ pub struct SimDrive {
     tripped: bool,
     alarm: bool,
     powered: bool,
-    /// It hears nothing before.
+    /// It ignores requests before this moment.
     deaf_until: MonoTime,
-    /// When it last got a request that it could serve.
+    /// When it last received a request that it could serve.
     last_heard: MonoTime,
     /// Its watchdog has acted since then.
     has_expired: bool,
@@ -91,19 +91,19 @@ impl SimDrive {
         drive
     }
 
-    /// The model that the drive was made from.
+    /// The model of the drive.
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// What the drive has counted.
+    /// The drive's counters.
     #[must_use]
     pub const fn report(&self) -> DriveReport {
         self.report
     }
 
-    /// Writes from the bus that went to the stored memory of the register at `address`; 0 for an unknown one.
+    /// Number of writes from the bus to the stored memory of the register at `address`; 0 for an unknown one.
     #[must_use]
     pub fn stored_writes(&self, address: u16) -> u64 {
         index_of(&self.model, address).map_or(0, |index| self.memory.stored_writes(index))
@@ -115,19 +115,19 @@ impl SimDrive {
         self.motor_at(at).output(at)
     }
 
-    /// Whether the drive waits for a reset, as of the last moment that it was given.
+    /// Whether the drive is tripped, as of the last moment passed to it.
     #[must_use]
     pub const fn is_tripped(&self) -> bool {
         self.tripped
     }
 
-    /// Whether the drive is switched on. One that is off hears nothing and says nothing.
+    /// Whether the drive is switched on. When off, it neither receives nor sends.
     #[must_use]
     pub const fn is_powered(&self) -> bool {
         self.powered
     }
 
-    /// Whether panel or terminals command the motor, and not the bus.
+    /// Whether panel or terminals, not the bus, command the motor.
     #[must_use]
     pub fn is_local(&self) -> bool {
         !self.is_run_from_bus()
@@ -151,8 +151,8 @@ impl SimDrive {
         self.alarm = alarm;
     }
 
-    /// Switches the drive off or on. Off, the motor coasts and what is not stored is lost; on again, the drive is
-    /// deaf for as long as its model says, and panel or terminals command it where its sources name them.
+    /// Switches the drive off or on. When off, the motor coasts and volatile registers are lost. After power-up, the
+    /// drive ignores requests for the time in its model, and panel or terminals command it if its source registers name them.
     pub fn set_powered(&mut self, at: MonoTime, powered: bool) {
         self.advance(at);
         if self.powered && !powered {
@@ -176,8 +176,8 @@ impl SimDrive {
         }
     }
 
-    /// Sets the register at `address` as somebody at the operator panel would, with no regard to sources;
-    /// registers that behave (frequencies, trips) do not change. Nothing happens at an unknown address.
+    /// Sets the register at `address` as at the operator panel, whatever the source registers say; registers with
+    /// behaviour (frequencies, trips) do not change. An unknown address has no effect.
     pub fn set_locally(&mut self, at: MonoTime, address: u16, value: u16) {
         self.advance(at);
         if let Some(index) = index_of(&self.model, address) {
@@ -186,7 +186,7 @@ impl SimDrive {
         }
     }
 
-    /// What panel and terminals order from `at` on: the motor follows while they have control.
+    /// Sets the order of panel and terminals from `at` on: the motor follows while they have control.
     pub fn operate_panel(&mut self, at: MonoTime, runs: Option<Direction>) {
         self.advance(at);
         self.options.panel_runs = runs;
@@ -195,8 +195,8 @@ impl SimDrive {
         }
     }
 
-    /// Coasts on the drive's own account. The run command is then as after a stop, so that a refused RUN is
-    /// answered with another value than its own.
+    /// Coasts by the drive's own decision. The run command is then as after a stop, so that a refused RUN is
+    /// answered with a value other than its own.
     fn drop_out(&mut self, at: MonoTime) {
         self.cut_off(at);
         let stop = self.model.run.as_ref().map_or(0, |run| run.stop.value);
@@ -205,11 +205,11 @@ impl SimDrive {
         }
     }
 
-    /// Lets the drive do what the register at `index`, which has just been set, is there for.
+    /// Applies the effect of the register at `index`, which has just been set.
     fn follow_register(&mut self, at: MonoTime, index: usize) {
         self.follow_ramps(at, index);
         match self.model.registers[index].role {
-            // Who gets control takes it when he next orders something, unless he does already.
+            // The new source takes control with its next order, unless an order is already active.
             Some(Role::RunSource) if self.is_local() && self.options.panel_runs.is_some() => self.hand_over(at),
             Some(Role::FrequencySource) | None => self.follow(at),
             _ => {}
@@ -227,7 +227,7 @@ impl SimDrive {
         }
     }
 
-    /// Holds `word` from the bus and counts it where it is stored.
+    /// Holds `word` from the bus and counts the write if it is stored.
     fn take(&mut self, place: MemoryAddress, word: u16) {
         let before = self.memory.stored_writes(place.index);
         self.memory.take(&self.model.registers[place.index], place, word);

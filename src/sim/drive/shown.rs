@@ -1,4 +1,4 @@
-//! What the registers of a drive show when they are read.
+//! Register values of a drive as shown by reads.
 
 use super::SimDrive;
 use super::memory::index_of;
@@ -10,16 +10,16 @@ use crate::sim::trip::TripRecord;
 
 /// Millionths in a unit of measure: readings are whole numbers of them.
 const MICRO: i64 = 1_000_000;
-/// The words of a trip record where it is a block, in this order.
+/// The words of a trip record in a block, in order.
 const RECORD: [Role; 4] = [Role::TripCause, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
-/// Records in such a block: the newest one and five before it.
+/// Number of records in such a block: the newest and the five before it.
 const BLOCK_RECORDS: u16 = 6;
 
 impl SimDrive {
     /// The word that the register at `index` shows.
     pub(super) fn held(&self, at: MonoTime, index: usize) -> u16 {
         let register = &self.model.registers[index];
-        // A flag may stand in a setting as well, which shows what was set.
+        // A flag may also be in a setting, which shows the value that was set.
         if !register.access.can_write()
             && let Some(word) = self.status_word(at, register.address, self.memory.word(index))
         {
@@ -48,7 +48,7 @@ impl SimDrive {
         }
     }
 
-    /// Whether writing to a register with `role` would be writing to a measurement.
+    /// Whether a register with `role` is a measurement, which cannot be written.
     pub(super) fn is_measured(role: Role) -> bool {
         !matches!(
             role,
@@ -62,7 +62,7 @@ impl SimDrive {
         )
     }
 
-    /// What a register with `role` shows, in millionths of its unit of measure.
+    /// The value of a register with `role`, in millionths of its unit of measure.
     fn reading(&self, at: MonoTime, role: Role) -> Option<i64> {
         let output = self.motor.output(at);
         let trip = self.trips.newest();
@@ -82,7 +82,7 @@ impl SimDrive {
         })
     }
 
-    /// What the drive freezes when it trips now.
+    /// The record of a trip at this moment.
     pub(super) fn record(&self, at: MonoTime, cause: u16) -> TripRecord {
         let output = self.motor.output(at);
         TripRecord { cause, frequency: output, current: self.current(output), dc_link: self.dc_link(output) }
@@ -115,7 +115,7 @@ impl SimDrive {
         })
     }
 
-    /// How many trips ago the one was that `register` shows. The newest one stands first, unless it has a register
+    /// How many trips ago the trip shown by `register` was. The newest one is first, unless it has a register
     /// of its own.
     fn place_in_history(&self, register: &Register) -> usize {
         let older = self.model.registers.iter().filter(|it| it.role == Some(Role::TripHistory));
@@ -123,7 +123,7 @@ impl SimDrive {
         before + usize::from(self.model.register_for(Role::TripCause).is_some())
     }
 
-    /// `micro` as `register` shows it: in its unit, or in per cent of what is rated.
+    /// `micro` as shown by `register`: in its unit, or in percent of the rated value.
     fn word_of(&self, register: &Register, micro: i64) -> u16 {
         let rated = match register.role {
             Some(Role::OutputCurrent | Role::TripCurrent) => self.rated_current(),

@@ -1,10 +1,10 @@
-//! Status words: the bits and codes by which a drive tells its state.
+//! Status words: the bits and codes for the state of a drive.
 
 use super::SimDrive;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Flag, StatusFlag};
 
-/// From the weakest to the strongest: where two stand in the same bits, the later one is shown.
+/// From the weakest to the strongest: if two share bits, the later one is shown.
 const FLAGS: [Flag; 8] = [
     Flag::Ready,
     Flag::BusRun,
@@ -17,7 +17,7 @@ const FLAGS: [Flag; 8] = [
 ];
 
 impl SimDrive {
-    /// The word of the status register at `address`; nothing if no flag stands there. Bits that no flag names are
+    /// The word of the status register at `address`; `None` if it has no flag. Bits that no flag names are
     /// those of `other`.
     pub(super) fn status_word(&self, at: MonoTime, address: u16, other: u16) -> Option<u16> {
         let flags = |flag| self.model.status.iter().find(move |it| it.address == address && it.flag == flag);
@@ -29,7 +29,7 @@ impl SimDrive {
             .then(|| told.iter().fold(word, |word, (it, is_so)| if *is_so { word } else { hidden(word, it, &told) }))
     }
 
-    /// Whether `flag` holds at `at`.
+    /// Whether `flag` is set at `at`.
     fn is_so(&self, at: MonoTime, flag: Flag) -> bool {
         let output = self.motor.output(at);
         let direction = self.control.direction;
@@ -46,7 +46,7 @@ impl SimDrive {
     }
 }
 
-/// `word` so that `flag` holds; as it is if it does already.
+/// `word` with `flag` set.
 fn shown(word: u16, flag: &StatusFlag) -> u16 {
     if flag.holds(word) {
         return word;
@@ -54,7 +54,7 @@ fn shown(word: u16, flag: &StatusFlag) -> u16 {
     (word & !flag.mask) | flag.values.first().copied().unwrap_or_default()
 }
 
-/// `word` so that `flag` does not hold, with the smallest change of a bit that leaves those that hold as they are.
+/// `word` with `flag` cleared, by the smallest change of a bit that leaves the set flags unchanged.
 fn hidden(word: u16, flag: &StatusFlag, told: &[(&StatusFlag, bool)]) -> u16 {
     let bits = (0..16).map(|bit| 1 << bit).filter(|bit| flag.mask & bit != 0);
     let others = std::iter::once(word & !flag.mask).chain(bits.map(|bit| word ^ bit));

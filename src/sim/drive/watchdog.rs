@@ -1,11 +1,11 @@
-//! The drive's own watchdog over its communication.
+//! The drive's own communication watchdog.
 
 use super::SimDrive;
 use super::memory::{index_of, time};
 use crate::domain::time::MonoTime;
 use crate::sim::motor::Motor;
 
-/// What a drive does when the bus has been silent for too long.
+/// The reaction of a drive to a bus that has been silent for too long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reaction {
     Decelerate,
@@ -29,7 +29,7 @@ impl SimDrive {
         }
     }
 
-    /// The motor as it is at `at` if nobody says anything until then.
+    /// The motor at `at` if the bus stays silent until then.
     pub(super) fn motor_at(&self, at: MonoTime) -> Motor {
         let mut motor = self.motor.clone();
         if let Some(due) = self.watchdog_due().filter(|due| *due <= at) {
@@ -42,7 +42,7 @@ impl SimDrive {
         motor
     }
 
-    /// When the watchdog acts if the bus stays silent; nothing if it is off, or has nothing to stop.
+    /// When the watchdog acts if the bus stays silent; `None` if it is off, or there is nothing to stop.
     fn watchdog_due(&self) -> Option<MonoTime> {
         let watchdog = self.model.watchdog.as_ref()?;
         let index = index_of(&self.model, watchdog.time)?;
@@ -51,7 +51,7 @@ impl SimDrive {
         (watches && word != watchdog.off.value).then(|| self.last_heard + time(&self.model.registers[index], word))
     }
 
-    /// What the action register says, by the words of its meaning. Where they say nothing, the drive trips if it has a
+    /// The reaction in the action register, from the meaning of its word. Without a meaning, the drive trips if it has a
     /// number for that, else it stops.
     fn reaction(&self) -> Reaction {
         let action = self.model.watchdog.as_ref().and_then(|watchdog| watchdog.action);

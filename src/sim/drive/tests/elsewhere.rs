@@ -1,4 +1,4 @@
-//! What others do to a drive beside the line.
+//! Actions on a drive from outside the line.
 
 use super::*;
 use crate::domain::command::Direction;

@@ -1,4 +1,4 @@
-//! What the tests of the families share: requests to one drive without a bus. Addresses, words and scales are typed
+//! Shared helpers for the families' tests: requests to one drive without a bus. Addresses, words and scales are typed
 //! from the vendors' manuals.
 
 mod bits;

@@ -1,4 +1,4 @@
-//! Power cycles: deaf times, and what is left afterwards.
+//! Power cycles: deaf times, and the state afterwards.
 
 use super::*;
 
