@@ -1,4 +1,4 @@
-//! The program's own tools and the page at the lines: what they ask, and the answers on their way back.
+//! Requests of the program's own tools and the page to the lines, and the answers.
 
 use crate::daemon::exchange::answers::{AnswerBox, News};
 use crate::daemon::exchange::inbox::{Full, Message};
@@ -24,9 +24,9 @@ use tokio::time::{Instant, timeout_at};
 
 /// Most tools that are served at once; a person has one or two.
 pub const TOOLS_MAX: usize = 4;
-/// The line ends every read by its deadline. This much later nobody answers any more.
+/// The line ends every read by its deadline. This much later no answer is expected any more.
 const LATE: Duration = Duration::from_secs(1);
-/// Longest time in which a command that has begun may end: several slow writes, each read back.
+/// Longest duration of a command that has begun: several slow writes, each read back.
 const COMMAND_WITHIN: Duration = Duration::from_secs(15);
 
 /// Who orders something.
@@ -37,13 +37,14 @@ pub struct Who {
 }
 
 impl Who {
-    /// Who may open the socket may do what only that side may do. Its orders take no lease, so that it needs no stop.
+    /// A process that may open the socket may use this side's own orders. They take no lease, so none has to end with a
+    /// stop.
     pub const TOOL: Self = Self {
         asker: AskerId::LOCAL,
         origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: false }, manner: Manner::Once },
     };
 
-    /// The one who is signed in as `user` on the page.
+    /// The user who is signed in as `user` on the page.
     #[must_use]
     pub const fn signed_in(user: CommanderName) -> Self {
         let rights = Rights { write: true, stop: true };
@@ -57,7 +58,7 @@ impl Who {
     }
 }
 
-/// The way of the tools and the page to all lines.
+/// The path of the tools and the page to all lines.
 #[derive(Debug)]
 pub struct LocalSide {
     current: Current,
@@ -69,20 +70,20 @@ pub struct LocalSide {
     stalls: Arc<Stalls>,
 }
 
-/// Why nothing is asked of a line.
+/// Why a line cannot be asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Missing {
-    /// It takes nothing more.
+    /// Its inbox is full or closed.
     Full,
     /// There is no such line.
     Line,
 }
 
-/// What becomes of an order to which nobody answers.
+/// The outcome of an order without an answer.
 const NOT_ANSWERED: Report = Report::new(Outcome::Unknown, Reason::NoReply);
 
 impl LocalSide {
-    /// A side on which nobody waits.
+    /// A side without waiting requests.
     #[must_use]
     pub fn new(current: impl Into<Current>, reloads: Option<Reloads>) -> Self {
         let places = Arc::new(Semaphore::new(TOOLS_MAX));
@@ -91,19 +92,20 @@ impl LocalSide {
         Self { current: current.into(), reloads, keeper, last, waiting, places, stalls }
     }
 
-    /// The same side, which takes nothing but stops right behind the end of a stall.
+    /// The same side, which accepts only stops right after a stall.
     #[must_use]
     pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
         Self { stalls, ..self }
     }
 
-    /// The same side with a journal for attempts that no line sees.
+    /// The same side with a journal for attempts that reach no line.
     #[must_use]
     pub fn keeping(self, journal: Journal) -> Self {
         Self { keeper: Keeper::new(journal), ..self }
     }
 
-    /// Keeps what was tried and refused here; nothing for the drive: it was for all, or for none that exists.
+    /// Keeps what was tried and refused here. `drive` is `None` if it was for all drives or for one that does not
+    /// exist.
     pub fn keep(&self, who: Who, drive: Option<DriveRef>, tried: Tried, report: Report) {
         self.keeper.keep(drive, who.owner(), tried, report);
     }
@@ -114,7 +116,7 @@ impl LocalSide {
         self.current.get()
     }
 
-    /// Has the gateway take its configuration anew, and waits for what becomes of that.
+    /// Reloads the configuration, and waits for the outcome.
     ///
     /// # Errors
     /// Why everything stays as it was.
@@ -125,13 +127,13 @@ impl LocalSide {
         }
     }
 
-    /// A place for one tool as long as it is served; nothing if [`TOOLS_MAX`] are.
+    /// A place for one tool while it is served; `None` if [`TOOLS_MAX`] are.
     #[must_use]
     pub fn place(&self) -> Option<OwnedSemaphorePermit> {
         Arc::clone(&self.places).try_acquire_owned().ok()
     }
 
-    /// Hands the answers of the lines to those who wait, until the task is dropped.
+    /// Passes the answers of the lines to those who wait, until the task is dropped.
     pub async fn distribute(self: Arc<Self>, answers: Arc<AnswerBox>) {
         let mut batch = Vec::new();
         loop {
@@ -144,7 +146,7 @@ impl LocalSide {
                     News::Command(_) | News::Trip(..) | News::Events { .. } => continue,
                 };
                 if let Some(asked) = waiting.remove(&ticket) {
-                    // Who has gone away waits for nothing.
+                    // The receiver may be gone.
                     let _ = asked.send(news);
                 }
             }
@@ -154,7 +156,7 @@ impl LocalSide {
     /// Reads the register at `address` of the drive at `place` now, by an exchange of its own.
     ///
     /// # Errors
-    /// Why there is no word, as of a command that ended so.
+    /// Why there is no word, as the report of a command.
     pub async fn read(&self, place: DriveRef, address: u16, deadline: MonoTime) -> Result<u16, Report> {
         let ask = NativeAsk::Read { address, count: 1 };
         let request = |ticket| {
@@ -175,12 +177,12 @@ impl LocalSide {
         }
     }
 
-    /// Orders something of the drive at `place`, and waits for its end.
+    /// Sends an order to the drive at `place`, and waits for its outcome.
     pub async fn command(&self, who: Who, place: DriveRef, order: Order) -> Report {
         self.order(who, place, order).end().await
     }
 
-    /// Orders something of the drive at `place` at once. Whoever does not wait for its end takes nothing back.
+    /// Sends an order to the drive at `place` at once. Dropping the result does not cancel the order.
     pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
         let now = clock::now();
         let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
@@ -191,7 +193,7 @@ impl LocalSide {
             }
             Ordered(Err(report))
         };
-        // Nobody knows when the sockets were read empty last.
+        // When the sockets were last read empty is unknown here.
         if !order.is_stop() && self.stalls.may_have_waited(now, MonoTime::ZERO) {
             return refused(Reason::Stale);
         }
@@ -208,7 +210,7 @@ impl LocalSide {
         }
     }
 
-    /// Orders the drives at `places` to stop, all at once: what goes to one line is found there together.
+    /// Orders the drives at `places` to stop, all at once: each line finds its stops together.
     pub fn stop_all(&self, who: Who, places: &[DriveRef]) -> Vec<Ordered<'_>> {
         let (start_before, order) = (clock::now() + COMMAND_DEADLINE, Order::Stop { setpoint: None });
         let (commands, asked): (Vec<_>, Vec<_>) = places
@@ -234,7 +236,7 @@ impl LocalSide {
         .collect()
     }
 
-    /// Hands a message to the line of `place`; its answer may come `within`.
+    /// Passes a message to the line of `place`; its answer may take `within`.
     fn put(
         &self,
         place: DriveRef,
@@ -248,7 +250,7 @@ impl LocalSide {
         Ok(asked)
     }
 
-    /// A place for the answer to something that is handed to a line under this ticket, which may come `within`.
+    /// Reserves a ticket and a place for the answer to a request, which may take `within`.
     fn ask(&self, within: Duration) -> (Ticket, LineRequest<'_>) {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
@@ -262,7 +264,7 @@ impl LocalSide {
     }
 }
 
-/// Something that was handed to a line.
+/// A request that was passed to a line.
 #[derive(Debug)]
 struct LineRequest<'a> {
     answer: oneshot::Receiver<News>,
@@ -271,18 +273,18 @@ struct LineRequest<'a> {
 }
 
 impl LineRequest<'_> {
-    /// The answer; nothing: it did not come in time.
+    /// The answer; `None` if it did not arrive in time.
     async fn answer(self) -> Option<News> {
         timeout_at(self.until, self.answer).await.ok()?.ok()
     }
 }
 
-/// An order that was given, or what became of it at once.
+/// An order that was sent, or its immediate outcome.
 #[derive(Debug)]
 pub struct Ordered<'a>(Result<LineRequest<'a>, Report>);
 
 impl Ordered<'_> {
-    /// Waits for what becomes of it.
+    /// Waits for its outcome.
     pub async fn end(self) -> Report {
         match self.0 {
             Err(report) => report,
@@ -294,7 +296,7 @@ impl Ordered<'_> {
     }
 }
 
-/// Somebody who waits, also one who goes away without an answer: nothing is kept for who is gone.
+/// A waiting request. Its entry is removed when this is dropped, also without an answer.
 #[derive(Debug)]
 struct Waits<'a> {
     side: &'a LocalSide,
@@ -322,7 +324,7 @@ mod tests {
         Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], Vec::new())), None))
     }
 
-    /// Runs `test` with the answers that `line` gives to each message that has come to the line.
+    /// Runs `test` with the answers that `line` gives to each message to the line.
     fn with_a_line<T>(
         side: &Arc<LocalSide>,
         mut line: impl FnMut(Message) -> Vec<News> + 'static,
@@ -423,7 +425,7 @@ mod tests {
             vec![News::Command(CommandAnswer { asker, ticket, drive, report, is_final: true })]
         };
         let ordered = async {
-            // Both are given before either is waited for.
+            // Both are sent before either is waited for.
             let both = [(); 2].map(|()| side.order(Who::signed_in(anna), PLACE, Order::Stop { setpoint: None }));
             let mut ends = Vec::new();
             for ordered in both {

@@ -1,7 +1,7 @@
-//! The only room with tokio, files, sockets, clocks and signals. It carries out what the pure rooms decide.
+//! The only room with tokio, files, sockets, clocks and signals. It executes what the pure rooms decide.
 //!
-//! The main thread serves the north side on a runtime of its own; each line has a thread of its own, so that
-//! nothing else delays its frames. Between them go requests ([`exchange::inbox::Inbox`]) and answers
+//! The main thread serves the north side on a runtime of its own; each line has a thread of its own, so that nothing
+//! else delays its frames. They exchange requests ([`exchange::inbox::Inbox`]) and answers
 //! ([`exchange::answers::AnswerBox`]).
 
 #![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]

@@ -1,4 +1,4 @@
-//! Modbus TCP listeners: sockets on one side, [`Connection`] machines on the other.
+//! Modbus TCP listeners: they carry bytes between sockets and [`Connection`] machines.
 
 mod accepting;
 mod calls;
@@ -67,33 +67,33 @@ struct Client {
     peer: IpAddr,
     proven: Option<Box<Proven>>,
     origin: Cell<Origin>,
-    /// Its requests are answered at all.
+    /// Whether its requests are answered at all.
     may_ask: Cell<bool>,
     reads_renew: Cell<bool>,
     stream: Stream,
     machine: RefCell<Connection>,
     stalls: Arc<Stalls>,
-    /// When its socket had nothing more to read.
+    /// When its socket was last read empty.
     emptied: Cell<MonoTime>,
     commands: RefCell<Commands>,
-    /// Until then something of it may wait at a line: reads until their deadlines, those who wait for a stop for longer.
+    /// Until when requests of it may wait at a line: reads until their deadlines, reads after a stop longer.
     known_until: Cell<MonoTime>,
-    /// When a read renewed a lease last, by the place of the drive.
+    /// When a read last renewed a lease, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
     listener: Rc<Listener>,
     router: RefCell<Rc<Router>>,
-    /// Why it is to end now, if it is.
+    /// Why it is to be closed, if it is.
     dismissed: Cell<Option<Dismissal>>,
     server: Weak<Server>,
     keeper: Rc<Keeper>,
-    /// Rung when the machine was changed by somebody other than its own task.
+    /// Notified when the machine was changed outside its own task.
     bell: Notify,
     totals: Arc<ModbusTotals>,
-    /// What of the machine's counts is in the totals already.
+    /// The part of the machine's counts that is in the totals already.
     counted: Cell<Counters>,
 }
 
-/// How a client has proven itself.
+/// How a client has authenticated itself.
 #[derive(Debug)]
 struct Proven {
     certificate: Certificate,
@@ -101,32 +101,32 @@ struct Proven {
 }
 
 impl Server {
-    /// A server without listeners that counts into `totals`. What no line sees goes to `journal`.
+    /// A server without listeners that counts into `totals`. Attempts that reach no line are sent to `journal`.
     #[must_use]
     pub fn new(totals: Arc<ModbusTotals>, journal: Journal) -> Self {
         Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
     }
 
-    /// The same server, which takes nothing but stops from before the end of a stall.
+    /// The same server, which accepts only stops of what was sent before the end of a stall.
     #[must_use]
     pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
         Self { stalls, ..self }
     }
 
-    /// The same server with at most so many connections.
+    /// The same server with at most `max` connections.
     #[must_use]
     pub fn with_places(self, most: usize) -> Self {
         self.hall.places.replace(Places::new(most));
         self
     }
 
-    /// Gives every connection what its listener grants now, before its next request, and ends those that are not allowed
-    /// any more.
+    /// Applies to every connection what its listener grants now, before its next request, and closes those that are no
+    /// longer allowed.
     pub fn review(&self) {
         self.clients.borrow().values().for_each(|client| client.review());
     }
 
-    /// Hands the answers of the lines to their connections until the task is dropped.
+    /// Passes the answers of the lines to their connections until the task is dropped.
     pub async fn distribute(self: Rc<Self>, answers: Arc<AnswerBox>) {
         let mut batch: Vec<News> = Vec::new();
         let mut touched: Vec<Rc<Client>> = Vec::new();
@@ -157,7 +157,7 @@ impl Server {
         self.begin(source, Stream::Tool(sink), peer, None, Rc::clone(listener), seat);
     }
 
-    /// Serves a client, `proven` where its listener asks for that.
+    /// Serves a client, `proven` if its listener requires authentication.
     fn begin(
         self: &Rc<Self>,
         mut source: impl AsyncRead + Unpin + 'static,
@@ -197,7 +197,7 @@ impl Server {
             totals: Arc::clone(&self.totals),
             counted: Cell::default(),
         });
-        // The listener may have become another one during a handshake.
+        // The listener may have changed during a handshake.
         client.review();
         self.totals.opened();
         self.clients.borrow_mut().insert(asker, Rc::clone(&client));
@@ -211,7 +211,7 @@ impl Server {
             server.totals.closed();
             if clock::now() < client.known_until.get() {
                 for inbox in client.router().inboxes() {
-                    // A full inbox loses nothing but early removal: the requests end at their deadlines.
+                    // If the inbox is full, the requests just end at their deadlines.
                     let _ = inbox.put(Message::AskerGone(asker));
                 }
             }
@@ -220,12 +220,12 @@ impl Server {
 }
 
 impl Client {
-    /// Serves the connection until it ends; returns why it ended.
+    /// Serves the connection until it is closed; returns the reason.
     async fn serve(&self, source: &mut (impl AsyncRead + Unpin)) -> String {
         let wake = tokio::time::sleep(Duration::from_secs(3600));
         tokio::pin!(wake);
         let mut buffer = [0; READ_BYTES];
-        // A secure connection may have brought requests behind its handshake.
+        // A secure connection may have sent requests right after its handshake.
         if let Err(error) = self.take(&[]) {
             return error.to_string();
         }
@@ -268,7 +268,7 @@ impl Client {
             }
             let close_reason = self.machine.borrow().close_reason();
             if let Some(reason) = close_reason {
-                // What was due before is still sent, as far as the socket takes it at once.
+                // Pending answers are still sent, as far as the socket takes them at once.
                 let _ = self.flush();
                 return reason.to_string();
             }
@@ -278,7 +278,7 @@ impl Client {
         }
     }
 
-    /// Takes received bytes, answers what can be answered at once, orders the rest.
+    /// Processes received bytes: answers what can be answered at once, and passes the rest on.
     fn take(&self, bytes: &[u8]) -> io::Result<()> {
         if self.dismissed.get().is_some() {
             return Ok(());
@@ -293,7 +293,7 @@ impl Client {
         opened.and_then(|()| self.flush())
     }
 
-    /// Hands on what the machine says of attempts that no line saw.
+    /// Passes the machine's attempts that reached no line to the journal.
     fn keep(&self) {
         while let Some(UnsentAttempt { unit, tried, report }) = self.next_kept() {
             self.keeper.keep(self.router().drive_of(unit), self.origin.get().owner, tried, report);
@@ -308,7 +308,7 @@ impl Client {
         Rc::clone(&self.router.borrow())
     }
 
-    /// Takes what its listener grants now.
+    /// Applies what its listener grants now.
     fn review(&self) {
         let (role, security) = match &self.proven {
             None => (None, None),
@@ -320,7 +320,7 @@ impl Client {
             self.origin.set(Origin { rights: granted.rights, ..self.origin.get() });
             self.reads_renew.set(granted.reads_renew);
             self.router.replace(self.listener.router());
-            // Places of drives may be others now.
+            // Places of drives may have changed.
             self.renewed.borrow_mut().clear();
             self.machine.borrow_mut().set_idle_timeout(granted.idle_timeout);
             self.bell.notify_one();
@@ -329,13 +329,13 @@ impl Client {
         }
     }
 
-    /// Its task ends it at its next turn.
+    /// Its task closes it at its next turn.
     fn dismiss(&self, why: Dismissal) {
         self.dismissed.set(Some(why));
         self.bell.notify_one();
     }
 
-    /// Adds what is new to the totals, and says whether it is active and what it leaves unread.
+    /// Adds new counts to the totals, and reports activity and unread bytes to the hall.
     fn count(&self) {
         let (now, unread) = {
             let machine = self.machine.borrow();
@@ -367,8 +367,8 @@ impl Client {
     }
 }
 
-/// Reads once bytes are there. tokio then knows by itself that a short read has emptied the socket, which saves
-/// asking the system a second time.
+/// Reads once bytes are there. tokio then knows that a short read has emptied the socket, which saves a second system
+/// call.
 async fn receive(source: &mut (impl AsyncRead + Unpin), buffer: &mut [u8]) -> io::Result<usize> {
     poll_fn(|cx| {
         let mut read = ReadBuf::new(buffer);

@@ -1,4 +1,4 @@
-//! What comes from the north sides goes into the core, and what the core says is done.
+//! Passes messages of the north sides to the core, and executes the core's effects.
 
 use super::{ENDING_MAX, LineTask};
 use crate::daemon::exchange::answers::News;
@@ -12,7 +12,7 @@ use crate::gateway::{Effect, Input};
 use std::io;
 
 impl LineTask<'_> {
-    /// Gives the core all messages that have come.
+    /// Passes all waiting messages to the core.
     pub(super) fn take_messages(&mut self) {
         self.board.count_round();
         self.board.inbox().take(&mut self.round);
@@ -55,7 +55,7 @@ impl LineTask<'_> {
         }
     }
 
-    /// Tells whoever waits for it that no drive holds the line any more.
+    /// Reports, if requested, that no drive is in use any more.
     fn tell_of_leaving(&mut self) {
         if self.leaving.is_some() && self.core.bound().next().is_none() {
             // Whoever has gone away will say that the line stays.
@@ -63,7 +63,7 @@ impl LineTask<'_> {
         }
     }
 
-    /// Carries out what the core says.
+    /// Executes the core's effects.
     pub(super) fn act(&mut self, mut device: Option<&mut Port>) -> io::Result<()> {
         while let Some(effect) = self.core.next_effect() {
             match effect {

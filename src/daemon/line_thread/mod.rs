@@ -1,7 +1,7 @@
-//! One thread per line: it opens the port, feeds [`LineCore`] and carries out what it says.
+//! One thread per line: it opens the port, feeds [`LineCore`] and executes its effects.
 //!
-//! A round: wait for anything; take all messages, all bytes; look at the port once more, so that a frame of
-//! ours never starts on top of bytes that have just come; let the core decide; act.
+//! A round: wait for an event; take all messages and all bytes; read the port once more, so that a frame of ours never
+//! starts on top of bytes that have just arrived; let the core decide; act.
 
 mod acting;
 mod memory;
@@ -32,34 +32,34 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::{Instant, timeout_at};
 
-/// Most time that the declared actions at the end of the gateway may take. Drives whose stop shows no effect until then
-/// are named in the log and left.
+/// Most time for the declared actions at shutdown. Drives whose stop shows no effect by then are logged and left.
 const ENDING_MAX: Duration = Duration::from_secs(5);
-/// How much longer a stop that came at the very end may wait to be sent.
+/// How much longer a stop that arrived at the very end may wait to be sent.
 const UNSENT_MAX: Duration = Duration::from_secs(1);
 
-/// What a line thread needs to know beside what its core knows.
+/// What a line thread needs beside its core.
 #[derive(Clone, Debug)]
 pub struct LinePort {
     /// Name of the line, for messages.
     pub line: String,
     /// Names of its drives in order, for messages.
     pub drives: Vec<String>,
-    /// What it is reached through.
+    /// Its port.
     pub settings: PortSettings,
 }
 
-/// The thread of a line. It waits for [`begin`](Self::begin) before it opens anything, and ends if that never comes.
+/// The thread of a line. It waits for [`begin`](Self::begin) before it opens anything, and exits if the handle is
+/// dropped before.
 #[derive(Debug)]
 pub struct LineHandle {
     line: Arc<SharedLine>,
     begin: Option<oneshot::Sender<Vec<Remembered>>>,
-    /// Told when all is there that the thread needs.
+    /// Notified when the thread has everything it needs.
     ready: oneshot::Receiver<()>,
-    /// Closed when the declared actions are through at the end of the gateway.
+    /// Closed when the declared actions at shutdown are done.
     rested: oneshot::Receiver<()>,
     has_rested: bool,
-    /// Closed when the thread ends.
+    /// Closed when the thread exits.
     ended: oneshot::Receiver<()>,
     has_ended: bool,
     thread: JoinHandle<()>,
@@ -72,10 +72,10 @@ struct Waits {
     rests: oneshot::Sender<()>,
 }
 
-/// Dropped with the thread of a line, however that ends: nobody waits for an answer of a line that has nobody.
+/// Dropped when the thread of a line exits in any way, so that no client waits for an answer that cannot arrive.
 struct Alive {
     line: Arc<SharedLine>,
-    /// Dropped behind the close.
+    /// Dropped after the inbox is closed.
     _ends: oneshot::Sender<()>,
 }
 
@@ -86,7 +86,7 @@ impl Drop for Alive {
 }
 
 impl LineHandle {
-    /// Starts the thread of `line`, which rings `changed` whenever it shows something new.
+    /// Starts the thread of `line`, which rings `changed` whenever it publishes something new.
     ///
     /// # Errors
     /// The system's refusal to start a thread.
@@ -113,27 +113,27 @@ impl LineHandle {
         Ok(Self { line, begin: Some(begin), ready, rested, has_rested, ended, has_ended, thread })
     }
 
-    /// What the line shares.
+    /// The shared state of the line.
     #[must_use]
     pub const fn line(&self) -> &Arc<SharedLine> {
         &self.line
     }
 
-    /// Waits until the thread has all that it needs to begin. If not, the log says why.
+    /// Waits until the thread has everything it needs to begin. Returns whether it has; if not, the reason was logged.
     pub async fn is_ready(&mut self) -> bool {
         (&mut self.ready).await.is_ok()
     }
 
-    /// Has the port opened and the line served, with what the journal remembers of its drives.
+    /// Opens the port and serves the line, with the remembered state of its drives.
     pub fn begin(&mut self, memory: &Memory) {
         let of = |drive: &Arc<SharedDrive>| memory.get(&drive.description.name).copied().unwrap_or_default();
         let remembered = self.line.drives.iter().map(of).collect();
-        // A thread that has ended already has told why.
+        // A thread that has exited already has logged the reason.
         let _ = self.begin.take().map(|begin| begin.send(remembered));
     }
 
-    /// From now on no command is taken but stops; with `stops`, drives in use are stopped. Answered with the drives that
-    /// are in use, or with `stops` once all of them may be left. Nothing comes if the thread has ended.
+    /// From now on only stops are accepted; with `stops`, drives in use are stopped. Answered with the drives that are
+    /// in use, or with `stops` once all of them may be left. The sender is dropped if the thread has exited.
     #[must_use]
     pub fn leave(&self, stops: bool) -> oneshot::Receiver<Vec<DriveIndex>> {
         let (tell, told) = oneshot::channel();
@@ -141,50 +141,50 @@ impl LineHandle {
         told
     }
 
-    /// The line goes on after all.
+    /// The line continues after all.
     pub fn stay(&self) {
         self.tell(Message::Stay);
     }
 
-    /// Has the declared action carried out for every drive that is under control. From then on only stops are taken, until
+    /// Executes the declared action for every drive that is under control. From then on only stops are accepted, until
     /// the line is [closed](Self::close).
     pub fn begin_shutdown(&self) {
         self.tell(Message::Shutdown);
     }
 
-    /// Has the effect of stops not waited for any more, once each was sent.
+    /// The effect of stops is no longer waited for, once each was sent.
     pub fn hurry(&self) {
         self.tell(Message::Hurry);
     }
 
-    /// Has the thread end: at the end of the gateway with the stops that it has, else now. What was asked of it is answered,
-    /// and nothing more is taken.
+    /// Makes the thread exit: at shutdown after the stops that it has, otherwise now. Open requests are answered, and
+    /// no more are accepted.
     pub fn close(&self) {
         self.line.inbox.close();
     }
 
-    /// Waits until the declared actions at the end of the gateway are through, or were waited for long enough. Returns
-    /// whether that has come.
+    /// Waits until the declared actions at shutdown are done or timed out, at most until `until`. Returns whether they
+    /// are.
     pub async fn rested_by(&mut self, until: Instant) -> bool {
-        // An error is what it looks like.
+        // The sender is dropped then, which is an error here.
         self.has_rested = self.has_rested || timeout_at(until, &mut self.rested).await.is_ok();
         self.has_rested
     }
 
-    /// Whether [`rested_by`](Self::rested_by) has come.
+    /// Whether [`rested_by`](Self::rested_by) has returned true.
     #[must_use]
     pub const fn has_rested(&self) -> bool {
         self.has_rested
     }
 
-    /// Waits for the end of the thread. Returns whether it has come.
+    /// Waits for the thread to exit. Returns whether it has.
     pub async fn ended_by(&mut self, until: Instant) -> bool {
-        // An error is what the end of the thread looks like.
+        // The sender is dropped then, which is an error here.
         self.has_ended = self.has_ended || timeout_at(until, &mut self.ended).await.is_ok();
         self.has_ended
     }
 
-    /// Joins the thread if it is known to have ended. One that hangs ends with the process.
+    /// Joins the thread if it is known to have exited. One that hangs ends with the process.
     pub fn join(self) {
         if self.has_ended && self.thread.join().is_err() {
             tracing::error!("line thread panicked");
@@ -197,8 +197,8 @@ impl LineHandle {
 }
 
 fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io::Result<()> {
-    // Without character times there is no moment to hit, and preempting everybody only costs throughput. Behind `tcp://` the
-    // silence is kept by the device server, and its peer may send without an end.
+    // Without character times there is no exact moment to meet, and preempting other threads only costs throughput.
+    // With `tcp://` the device server keeps the silence, and the peer may send endlessly.
     if setup.timing.paced
         && matches!(port.settings.address, PortAddress::Device(_))
         && let Err(error) = sys::ask_for_real_time()
@@ -209,7 +209,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {
         let timer = Timer::new()?;
-        // Whoever does not wait for it has given the line up, which shows below.
+        // A handle that does not wait for it has given the line up, which is noticed below.
         let _ = waits.ready.send(());
         let Ok(remembered) = waits.begin.await else { return Ok(()) };
         for (drive, remembered) in setup.drives.iter_mut().zip(remembered) {
@@ -233,7 +233,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
         };
         line.serve().await
     });
-    // A name that is still being looked for must not hold up the end.
+    // A name lookup in progress must not delay the exit.
     runtime.shutdown_background();
     ended
 }
@@ -243,24 +243,24 @@ struct LineTask<'a> {
     core: LineCore,
     timer: Timer,
     is_paced: bool,
-    /// The log tells the traffic, whoever watches.
+    /// The traffic is logged, even without listeners.
     logs_traffic: bool,
-    /// When the port is tried again.
+    /// When the port is retried.
     attempts: Attempts,
-    /// What the log was told about the port.
+    /// The faults of the port that were logged.
     told: LoggedFaults,
     /// The messages of this round.
     round: Vec<Message>,
-    /// The gateway ends: until then the thread waits for its stops to show their effect.
+    /// Set at shutdown: until then the thread waits for its stops to take effect.
     ending: Option<MonoTime>,
-    /// Dropped when nothing is left to wait for at the end of the gateway. Other lines may have more to do, and until they
-    /// are through stops are served here too.
+    /// Dropped when nothing is left to wait for at shutdown. Other lines may take longer, and until they are done stops
+    /// are served here too.
     rests: Option<oneshot::Sender<()>>,
-    /// Nobody waits for the effect of a stop any more.
+    /// The effect of stops is no longer waited for.
     is_hurried: bool,
-    /// Whoever waits until the drives may be left.
+    /// Receives an answer once the drives may be left.
     leaving: Option<oneshot::Sender<Vec<DriveIndex>>>,
-    /// The core wants the port opened anew.
+    /// The core wants the port reopened.
     to_reopen: Option<LineFault>,
     board: Board,
 }
@@ -279,7 +279,7 @@ impl LineTask<'_> {
         (is_through || is_late) && self.board.inbox().is_done()
     }
 
-    /// The last words: whoever asked something is told that there is nobody any more.
+    /// Answers all open requests before the thread exits.
     fn take_leave(&mut self) -> io::Result<()> {
         self.board.inbox().close();
         self.take_messages();

@@ -1,4 +1,4 @@
-//! The port is opened, lost and opened again.
+//! Opening the port, and reopening it after it was lost.
 
 use super::LineTask;
 use super::serving::{Left, Uptime};
@@ -13,14 +13,14 @@ use std::pin::pin;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-/// First wait before a port that could not be opened is tried again; doubled up to the longest.
+/// First wait before a port that could not be opened is retried; it doubles up to the longest.
 const REOPEN_FIRST: Duration = Duration::from_millis(100);
-/// Longest such wait: a replugged adapter is back within a second, the first exchanges over it included.
+/// Longest such wait: a replugged adapter is back within a second, including the first exchanges over it.
 const REOPEN_MAX: Duration = Duration::from_millis(400);
-/// Reasons that are remembered. More of them are forgotten and may be told again.
+/// Reasons that are remembered. Beyond that they are forgotten and may be logged again.
 const REASONS_MAX: usize = 16;
 
-/// How long to wait before the port is tried again: longer each time, until it proves good.
+/// How long to wait before the port is retried: longer each time, until it proves good.
 #[derive(Debug)]
 pub(super) struct Attempts {
     wait: Duration,
@@ -39,12 +39,12 @@ impl Attempts {
     }
 }
 
-/// What the log was told about the port. However often a port comes and goes, each reason is told once, until the port
-/// has proved good.
+/// The faults of the port that were logged. However often a port comes and goes, each reason is logged once, until the
+/// port has proved good.
 #[derive(Debug, Default)]
 pub(super) struct LoggedFaults {
     reasons: Vec<String>,
-    /// Why it was opened anew although it was there.
+    /// Why it was reopened although it was open.
     reopened: Option<LineFault>,
 }
 
@@ -61,7 +61,7 @@ impl LoggedFaults {
         true
     }
 
-    /// Whether nothing is told of that still goes on.
+    /// Whether no logged fault is still open.
     pub(super) fn is_empty(&self) -> bool {
         self.reasons.is_empty() && self.reopened.is_none()
     }
@@ -77,16 +77,16 @@ impl LoggedFaults {
     }
 }
 
-/// What came first while there was no port.
+/// What happened first while there was no port.
 enum Meanwhile<T> {
     Done(T),
     TimeIsUp,
-    /// The thread was told to end.
+    /// The thread is to exit.
     Ended,
 }
 
 impl LineTask<'_> {
-    /// Opens the port and serves it, again and again, until the thread is told to end.
+    /// Opens the port and serves it, again and again, until the thread is to exit.
     pub(super) async fn serve(mut self) -> io::Result<()> {
         let served = self.serve_ports().await;
         served.and(self.take_leave())
@@ -111,12 +111,12 @@ impl LineTask<'_> {
                     fault
                 }
             };
-            // Before the wait: what holds on to a device that is gone keeps its name from the one that comes.
+            // Before the wait: an open handle to an unplugged device keeps its name from the new one.
             drop(device);
             self.core.handle(clock::now(), Input::PortDown(fault));
             self.act(None)?;
             let is_asked_for = left.is_ok();
-            // To have lasted proves nothing where the gateway itself gives the port up.
+            // Time open proves nothing if the gateway itself gives the port up.
             let was_good = uptime.has_answered || (!is_asked_for && uptime.has_lasted(clock::now()));
             if was_good {
                 self.attempts = Attempts::default();
@@ -128,7 +128,7 @@ impl LineTask<'_> {
         Ok(())
     }
 
-    /// Opens the port, again and again with growing waits; nothing if the thread was told to end.
+    /// Opens the port, retrying with growing waits; `None` if the thread is to exit.
     async fn open(&mut self, opener: &mut Opener<'_>) -> io::Result<Option<Port>> {
         loop {
             let opened = {
@@ -147,15 +147,15 @@ impl LineTask<'_> {
         }
     }
 
-    /// Waits before the port is tried again, the next time longer. Returns whether the thread was told to end.
+    /// Waits before the port is retried, longer each time. Returns whether the thread is to exit.
     async fn pause(&mut self) -> io::Result<bool> {
         let again = clock::now() + self.attempts.next_wait();
         let waited = self.meanwhile(again, |_| Poll::<()>::Pending).await?;
         Ok(matches!(waited, Meanwhile::Ended))
     }
 
-    /// Waits for `until` or for what `poll` gives, without a port: requests are answered, leases end, and stops are late
-    /// all the same.
+    /// Waits for `until` or for the result of `poll`, without a port: requests are still answered, leases expire, and
+    /// overdue stops are reported.
     async fn meanwhile<T>(
         &mut self,
         until: MonoTime,
@@ -188,7 +188,7 @@ impl LineTask<'_> {
 
     fn tell_of_loss(&mut self, fault: LineFault, error: &io::Error) {
         let line = &self.port.line;
-        // The same loss shows in several errors.
+        // The same loss appears as several errors.
         if self.told.is_new(fault.to_string()) {
             tracing::warn!(line, %fault, %error, "line down");
         } else {
@@ -206,7 +206,7 @@ impl LineTask<'_> {
     }
 }
 
-/// What an error of an open port means. A device that is unplugged is told in several ways, by driver and moment.
+/// The fault behind an error of an open port. An unplugged device is reported differently by driver and moment.
 fn fault_of(error: &io::Error) -> LineFault {
     use io::ErrorKind::{
         BrokenPipe, ConnectionAborted, ConnectionReset, HostUnreachable, NetworkUnreachable, TimedOut, UnexpectedEof,

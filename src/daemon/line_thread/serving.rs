@@ -1,4 +1,4 @@
-//! An open port is served.
+//! Serving an open port.
 
 use super::LineTask;
 use crate::daemon::host::clock;
@@ -14,23 +14,23 @@ use std::time::Duration;
 
 /// Reads of the port in one round, of 512 bytes each: 15 of the longest replies.
 const READS_PER_ROUND: usize = 8;
-/// How long a line that has sent more than that is left alone. So no node takes the processor from other lines, whatever the
-/// rights of its thread: 4 MB/s are more than any serial line carries, and far more than any reply.
+/// How long a line that has sent more than that is left alone. So no node takes the processor from other lines,
+/// whatever the priority of its thread: 4 MB/s is more than any serial line carries.
 const FLOOD_PAUSE: Duration = Duration::from_millis(1);
-/// How long before the end of the silence the thread wakes up and then watches the clock: what waking up takes
-/// on an ordinary machine. It keeps gaps exact at the cost of this much processor time a frame.
+/// How long before the end of the silence the thread wakes up and spins on the clock: as long as waking up takes on an
+/// ordinary machine. It keeps gaps exact at the cost of this much processor time a frame.
 const WAKE_EARLY: Duration = Duration::from_micros(100);
-/// How long a line without character times looks for the reply before it sleeps. Such a reply comes sooner than a
-/// sleeping thread is woken; a paced one never does.
+/// How long a line without character times polls for the reply before it sleeps. Such a reply arrives sooner than a
+/// sleeping thread is woken; on a paced line it never does.
 const LOOK_BEFORE_SLEEP: Duration = Duration::from_micros(60);
-/// A port that was open for less than this was not really back: the next attempt waits longer.
+/// A port that was open for less than this had not really recovered: the next attempt waits longer.
 const STABLE_AFTER: Duration = Duration::from_secs(1);
 
 /// Why an open port was left.
 pub(super) enum Left {
-    /// The thread was told to end.
+    /// The thread is to exit.
     Closed,
-    /// The port shall be opened anew.
+    /// The port is to be reopened.
     ToReopen(LineFault),
 }
 
@@ -39,11 +39,11 @@ pub(super) enum Left {
 pub(super) struct Uptime {
     /// When it was opened.
     pub since: MonoTime,
-    /// Right replies until then.
+    /// Valid replies up to then.
     replies: u64,
     /// A drive has answered over it.
     pub has_answered: bool,
-    /// The log was told that it is open.
+    /// Whether it was logged as up.
     is_announced: bool,
 }
 
@@ -59,7 +59,7 @@ impl Uptime {
 }
 
 impl LineTask<'_> {
-    /// Tells the log that the port is open, unless what it was told of may still go on.
+    /// Logs that the line is up, unless a logged fault may still be open.
     pub(super) fn announce(&self, uptime: &mut Uptime, device: &Port) {
         if uptime.is_announced || !self.told.is_empty() || self.core.report().state == LineState::Down {
             return;
@@ -85,7 +85,7 @@ impl LineTask<'_> {
         self.announce(uptime, device);
     }
 
-    /// Serves an open port until it is lost, should be opened anew, or the thread is told to end.
+    /// Serves an open port until it is lost, is to be reopened, or the thread is to exit.
     pub(super) async fn serve_port(&mut self, device: &mut Port, uptime: &mut Uptime) -> io::Result<Left> {
         let mut buffer = [0; 512];
         let mut has_more = false;
@@ -114,8 +114,8 @@ impl LineTask<'_> {
         }
     }
 
-    /// On a line without character times: looks for the reply for a moment, letting others run meanwhile. Returns
-    /// whether something came.
+    /// On a line without character times: polls for the reply for a moment, yielding to other threads. Returns whether
+    /// bytes arrived.
     fn reply_comes_at_once(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
         if self.is_paced || !self.core.is_occupied() {
             return Ok(false);
@@ -134,7 +134,7 @@ impl LineTask<'_> {
         Ok(false)
     }
 
-    /// Watches the clock while the silence before the next frame is about to end.
+    /// Spins on the clock while the silence before the next frame is about to end.
     fn watch_the_silence_end(&self) {
         let Some(Wake { at, reason: WakeReason::SilentInterval }) = self.core.next_wake() else { return };
         if at.since(clock::now()) <= WAKE_EARLY {
@@ -144,7 +144,7 @@ impl LineTask<'_> {
         }
     }
 
-    /// Waits until the timer fires, a message calls, or `poll` gives something, which is returned.
+    /// Waits until the timer fires, a message arrives, or `poll` is ready, whose result is returned.
     pub(super) async fn wait<T>(&mut self, mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>) -> Option<T> {
         if !self.board.inbox().may_sleep(!self.core.is_occupied()) {
             return None;
@@ -163,9 +163,9 @@ impl LineTask<'_> {
         .await
     }
 
-    /// Reads until the port has nothing more, asking the port itself and not what the runtime remembers. A
-    /// node that never stops is left after a while, so that messages, deadlines and other lines have their turn;
-    /// returns whether that happened.
+    /// Reads until the port is empty, asking the port itself and not the runtime's readiness. A node that never stops
+    /// sending is left after a while, so that messages, deadlines and other lines have their turn; returns whether that
+    /// happened.
     fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
         for _ in 0..READS_PER_ROUND {
             let Some(bytes) = device.read_now(buffer)? else { return Ok(false) };

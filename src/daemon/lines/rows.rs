@@ -1,4 +1,4 @@
-//! What a line has to do with the journal: its rows go there, and final answers wait a moment for theirs.
+//! A line's side of the journal: its rows are sent there, and final answers wait a moment for theirs.
 
 use crate::daemon::exchange::answers::{Held, News};
 use crate::daemon::exchange::inbox::Message;
@@ -16,40 +16,40 @@ use std::time::Duration;
 
 /// Longest time that an answer waits for its row. The timers of the north sides may add a millisecond or two.
 const HOLD: Duration = Duration::from_millis(18);
-/// Most requests whose answers are to wait. Far more than may be unanswered; beyond it answers wait for nothing.
+/// Most requests whose answers are to wait. Far more than may be unanswered; beyond that, answers do not wait.
 const ASKED_MAX: usize = 8192;
 
 /// The rows of one line, and its answers that wait for them.
 #[derive(Debug)]
 pub struct LineRows {
     source: Source,
-    /// The newest row that the line said.
+    /// The newest row of the line.
     newest: RowNumber,
-    /// Requests that write, stops excepted: an answer to a stop waits for nothing.
+    /// Requests that write, except stops: an answer to a stop never waits.
     asked: HashSet<(AskerId, Ticket)>,
     held: Vec<Held>,
 }
 
 impl LineRows {
-    /// A line that has said nothing yet.
+    /// A line without rows so far.
     #[must_use]
     pub fn new(source: Source) -> Self {
         Self { source, newest: RowNumber::default(), asked: HashSet::new(), held: Vec::new() }
     }
 
-    /// The line's way to the journal.
+    /// The line's handle to the journal.
     #[must_use]
     pub const fn source(&self) -> &Source {
         &self.source
     }
 
-    /// Keeps what the line says.
+    /// Keeps a row of the line.
     pub fn keep(&mut self, keep: Keep) {
         self.newest = keep.row;
         self.source.keep(keep);
     }
 
-    /// Takes notice of what is asked of the line. `model` is that of a drive on it.
+    /// Notes a message to the line. `model` is that of a drive on it.
     pub fn note<'m>(&mut self, message: &Message, model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>) {
         let waits = match message {
             Message::Command(it) if !it.order.is_stop() => Some((it.asker, it.ticket)),
@@ -69,7 +69,7 @@ impl LineRows {
         self.asked.extend(waits.filter(|_| self.asked.len() < ASKED_MAX));
     }
 
-    /// Holds `news` back if it has to wait for a row; else it is given back.
+    /// Holds `news` back if it has to wait for a row; otherwise returns it.
     pub fn hold(&mut self, news: News) -> Option<News> {
         let key = match &news {
             News::Native(answer) => (answer.asker, answer.ticket),

@@ -1,4 +1,4 @@
-//! The end of a simulated line that the gateway is at the other end of: a pseudo-terminal or a TCP port.
+//! The drives' end of a simulated line, with the gateway at the other: a pseudo-terminal or a TCP port.
 
 use crate::daemon::host::pty::Pty;
 use crate::daemon::host::timer::RawTimer;
@@ -8,21 +8,21 @@ use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 
-/// Where the bytes of a simulated line come from and go to. Nothing here blocks but [`wait`](Self::wait).
+/// The byte stream of a simulated line. Only [`wait`](Self::wait) blocks.
 pub trait LineEnd {
-    /// Bytes that have come; none: the line is quiet, or nobody is there.
+    /// Reads available bytes; `None` if the line is quiet or no peer is connected.
     ///
     /// # Errors
     /// What the system reports.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>>;
 
-    /// Sends `bytes`. What a full buffer does not take is lost, as on a wire that nobody listens to.
+    /// Sends `bytes`. What a full buffer does not take is lost, as on a wire without a listener.
     ///
     /// # Errors
     /// What the system reports.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Waits until `timer` fires or something comes.
+    /// Waits until `timer` fires or bytes arrive.
     ///
     /// # Errors
     /// What the system reports.
@@ -33,7 +33,7 @@ impl LineEnd for &Pty {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
         match rustix::io::read(self.master(), buffer) {
             Ok(bytes) => Ok(Some(bytes)),
-            // EIO: nobody has the port open.
+            // EIO: no process has the port open.
             Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(None),
             Err(error) => Err(error.into()),
         }
@@ -51,7 +51,7 @@ impl LineEnd for &Pty {
     }
 }
 
-/// A pseudo-terminal whose drives hear only what is sent at their own speed.
+/// A pseudo-terminal whose drives receive only what is sent at their own speed.
 #[derive(Debug)]
 pub struct AtSpeed<'p> {
     /// The pseudo-terminal.
@@ -81,8 +81,8 @@ impl LineEnd for AtSpeed<'_> {
     }
 }
 
-/// A TCP port, as a serial device server has it. Whoever connects last has the line: one that has vanished must not
-/// keep the others from it.
+/// A TCP port like that of a serial device server. The last client to connect gets the line: one that has vanished must
+/// not block the others.
 #[derive(Debug)]
 pub struct TcpEnd {
     listener: TcpListener,
@@ -103,7 +103,7 @@ impl TcpEnd {
     /// Where it listens.
     ///
     /// # Errors
-    /// What the system reports; nothing is known.
+    /// What the system reports; no case is known.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
@@ -125,7 +125,7 @@ impl LineEnd for TcpEnd {
         match client.read(buffer) {
             Ok(bytes) if bytes > 0 => return Ok(Some(bytes)),
             Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {}
-            // It has left.
+            // The client has left.
             Ok(_) | Err(_) => self.client = None,
         }
         Ok(None)
@@ -133,7 +133,7 @@ impl LineEnd for TcpEnd {
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         if let Some(client) = &mut self.client {
-            // One that has left is noticed by reading.
+            // A client that has left is noticed when reading.
             let _ = client.write(bytes);
         }
         Ok(())

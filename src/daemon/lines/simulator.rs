@@ -10,11 +10,11 @@ use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How often the loop looks whether it shall end.
+/// How often the loop checks whether it is to end.
 const LOOK_UP: Duration = Duration::from_millis(200);
 
-/// Plays `bus` at this end of a `line` on a thread of its own as long as `work` lasts, and returns what that returns. `look` is somebody
-/// who stands beside the drives; it is called in every round, at least a few times a second.
+/// Plays `bus` at this end of a `line` on a thread of its own while `work` runs, and returns the result of `work`.
+/// `look` observes the drives; it is called in every round, at least a few times a second.
 ///
 /// # Errors
 /// What the end of the line or the timer reports.
@@ -44,8 +44,8 @@ impl Drop for SetAtEnd<'_> {
     }
 }
 
-/// Plays `bus` at this end of a `line` until `end` is set. Meant for a thread of its own: it blocks. `look` is somebody who
-/// stands beside the drives; it is called in every round, at least a few times a second.
+/// Plays `bus` at this end of a `line` until `end` is set. It blocks, so it is intended for a thread of its own. `look`
+/// observes the drives; it is called in every round, at least a few times a second.
 ///
 /// # Errors
 /// What the end of the line or the timer reports.

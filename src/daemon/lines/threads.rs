@@ -1,4 +1,4 @@
-//! The threads of all lines: made ready, begun, asked to leave, ended.
+//! The threads of all lines: preparing, beginning, removing and ending them.
 
 use crate::config::LineSettings;
 use crate::daemon::exchange::bell::Bell;
@@ -15,13 +15,13 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout_at};
 
-/// Most time for a line's thread to end: what its last stops may take, and a write that a port holds up.
+/// Most time for a line's thread to exit: as long as its last stops may take, and a write that the port blocks.
 const ENDS_WITHIN: Duration = Duration::from_secs(7);
-/// The same where one was waited for already.
+/// The same if one was waited for already.
 const ENDS_SOON: Duration = Duration::from_secs(1);
-/// Most time for a line's thread to say whether its drives are in use. It looks into its inbox between two exchanges.
+/// Most time for a line's thread to report whether its drives are in use. It reads its inbox between two exchanges.
 const SAYS_WITHIN: Duration = Duration::from_secs(3);
-/// Most time for the stops of drives that leave to show their effect.
+/// Most time for the stops of removed drives to take effect.
 const STOPS_WITHIN: Duration = Duration::from_secs(5);
 
 /// The threads of all lines.
@@ -32,12 +32,13 @@ pub struct Lines {
     changed: Arc<Bell>,
     data_dir: Option<PathBuf>,
     last_number: u16,
-    /// Lines have begun, and commands are taken.
+    /// Lines have begun, and commands are accepted.
     have_begun: bool,
 }
 
 impl Lines {
-    /// None yet. They will answer to `sides`, and ring `changed`. Lines are `numbered` from 0 already.
+    /// Starts without threads. They will answer to `sides` and ring `changed`. The lines of the configuration are
+    /// `numbered` from 0 already.
     #[must_use]
     pub fn new(sides: NorthSides, changed: Arc<Bell>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
         let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
@@ -54,10 +55,10 @@ impl Lines {
         }
     }
 
-    /// The thread of `line`, with all that it needs. It opens nothing before it is told to begin.
+    /// The thread of `line`, with everything it needs. It opens nothing before [`begin`](Self::begin).
     ///
     /// # Errors
-    /// The system refuses something that it needs.
+    /// The system refuses a resource that it needs.
     pub async fn prepare(&self, settings: &LineSettings, line: Arc<SharedLine>) -> io::Result<LineHandle> {
         let port = build::line_port(settings, self.data_dir.as_deref());
         let setup = build::line_setup(settings, first_epoch(), self.sides.journal.is_some(), self.have_begun);
@@ -71,15 +72,15 @@ impl Lines {
         }
     }
 
-    /// Has these lines begin, with what the journal remembers of their drives.
+    /// Begins these lines, with the remembered state of their drives.
     pub fn begin(&mut self, mut handles: Vec<LineHandle>, memory: &Memory) {
         handles.iter_mut().for_each(|handle| handle.begin(memory));
         self.handles.append(&mut handles);
         self.have_begun = true;
     }
 
-    /// Asks the lines with these numbers to take no command any more, and whether any of their drives is in use; with
-    /// `stops`, those are stopped. Returns the names of drives that are in use, or that show no effect of the stop.
+    /// Makes the lines with these numbers refuse commands, and checks whether any of their drives is in use; with
+    /// `stops`, those are stopped. Returns the names of drives that are in use, or on which the stop has no effect.
     pub async fn leave(&self, numbers: &[u16], stops: bool) -> Vec<String> {
         let asked: Vec<_> = self.among(numbers).map(|handle| (handle, handle.leave(stops))).collect();
         let until = Instant::now() + if stops { STOPS_WITHIN } else { SAYS_WITHIN };
@@ -91,7 +92,7 @@ impl Lines {
                     let named = places.iter().filter_map(|place| drives.get(place.get()));
                     names.extend(named.map(|drive| drive.description.name.to_string()));
                 }
-                // The thread has ended by a fault: there is nothing to leave.
+                // The thread has exited by a fault: no drive is in use.
                 Ok(Err(_)) => {}
                 Err(_) => {
                     let bound = drives.iter().filter(|drive| {
@@ -108,7 +109,7 @@ impl Lines {
         names
     }
 
-    /// Has the lines with these numbers go on after all.
+    /// Lets the lines with these numbers continue after all.
     pub fn stay(&self, numbers: &[u16]) {
         self.among(numbers).for_each(LineHandle::stay);
     }
@@ -123,34 +124,34 @@ impl Lines {
         ended.into_iter().for_each(LineHandle::join);
     }
 
-    /// Has the declared action carried out for every drive that is under control, on all lines.
+    /// Executes the declared action for every drive that is under control, on all lines.
     pub fn begin_shutdown(&self) {
         self.handles.iter().for_each(LineHandle::begin_shutdown);
     }
 
-    /// Has no line wait for the effect of a stop any more, once each was sent.
+    /// No line waits for the effect of a stop any more, once each was sent.
     pub fn hurry(&self) {
         self.handles.iter().for_each(LineHandle::hurry);
     }
 
-    /// Waits until the declared actions are through on all lines, within a bound. Stops are served on.
+    /// Waits until the declared actions are done on all lines, within a bound. Stops are still served.
     pub async fn rested(&mut self) {
         let until = Instant::now() + ENDS_WITHIN;
         for handle in &mut self.handles {
-            // One that hangs is told of at the end.
+            // One that hangs is logged at the end.
             handle.rested_by(until).await;
         }
     }
 
-    /// Ends all lines behind the stops that they have. A stop that comes later is refused.
+    /// Ends all lines after the stops that they have. Later stops are refused.
     pub async fn end_all(&mut self) {
         self.handles.iter().for_each(LineHandle::close);
         let has_hung = self.handles.iter().any(|handle| !handle.has_rested());
-        // What hangs was waited for already, and the others have little to do.
+        // A hanging line was waited for already, and the others have little to do.
         wait_for(&mut self.handles, if has_hung { ENDS_SOON } else { ENDS_WITHIN }).await;
     }
 
-    /// Joins the threads that have ended.
+    /// Joins the threads that have exited.
     pub fn join(self) {
         self.handles.into_iter().for_each(LineHandle::join);
     }
@@ -160,8 +161,8 @@ impl Lines {
     }
 }
 
-/// Waits until all these threads have ended. What hangs is left behind: it must not keep the gateway from what else it has
-/// to do.
+/// Waits until all these threads have exited. One that hangs is abandoned: it must not keep the gateway from its other
+/// work.
 async fn wait_for(handles: &mut [LineHandle], within: Duration) {
     let until = Instant::now() + within;
     for handle in handles {
@@ -171,8 +172,8 @@ async fn wait_for(handles: &mut [LineHandle], within: Duration) {
     }
 }
 
-/// Where the epochs of a line's drives begin. Those of an earlier start must be others, whatever the wall clock was then and
-/// is now; JSON still holds them exactly, and there is room for every time that a start is inhibited in a life.
+/// The first epoch of a line's drives. Epochs of an earlier start must differ, whatever the wall clock was then and is
+/// now. JSON still represents them exactly, and there is room for every start that is inhibited during a run.
 fn first_epoch() -> u64 {
     const BITS: u32 = 52;
     const STOPS_BITS: u32 = 20;

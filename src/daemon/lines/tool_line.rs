@@ -1,5 +1,5 @@
-//! A line of a tool's own: the same thread and the same core as a gateway's, with stations that nobody polls. There is no
-//! second master in this program.
+//! A line of a tool: the same thread and core as a gateway's, with stations that are not polled. There is no second
+//! master in this program.
 
 use crate::config::PortAddress;
 use crate::daemon::exchange::shared::{Shared, SharedLine};
@@ -22,11 +22,11 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep};
 
-/// Longest time until an open port is known to be one, or a device server has answered.
+/// Longest time until a port is open, or a device server has answered.
 const OPEN_WITHIN: Duration = Duration::from_secs(6);
-/// Longest time until the thread of a line that was closed has ended.
+/// Longest time until the thread of a closed line has exited.
 const END_WITHIN: Duration = Duration::from_secs(3);
-/// How often it is looked whether the port is open.
+/// How often it is checked whether the port is open.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// Why a tool has no line.
@@ -40,7 +40,7 @@ pub enum NoLine {
         /// Why.
         reason: OpenError,
     },
-    /// It was opened, or a device server was called, and the line did not come up in time.
+    /// The port was opened, or a device server was contacted, but the line did not come up in time.
     #[error("{port} did not come up within {} s{}", OPEN_WITHIN.as_secs(), .fault.as_ref().map(|it| format!(": {it}")).unwrap_or_default())]
     Down {
         /// As it was named.
@@ -48,19 +48,19 @@ pub enum NoLine {
         /// Why, as far as it is known.
         fault: Option<String>,
     },
-    /// The system refuses a thread.
+    /// The system refuses a resource.
     #[error("the system refuses a resource that a line needs: {0}")]
     System(#[from] io::Error),
 }
 
-/// What a tool wants of a port.
+/// The port of a tool.
 #[derive(Clone, Debug)]
 pub struct ToolPort {
     /// Where it is.
     pub address: PortAddress,
     /// Speed and character format.
     pub link: LinkSettings,
-    /// Who turns the direction.
+    /// What controls the direction.
     pub direction: DirectionControl,
 }
 
@@ -77,8 +77,8 @@ impl ToolPort {
         }
     }
 
-    /// Opens the port for a moment, so that whoever holds it is named before anything begins. A device server is not
-    /// called: many have one place, and give it back late.
+    /// Opens the port for a moment, so that another user of it is named before work begins. A device server is not
+    /// contacted: many accept one connection, and free it late.
     ///
     /// # Errors
     /// [`NoLine::Port`]
@@ -92,7 +92,7 @@ impl ToolPort {
     }
 }
 
-/// A line that a tool has for itself. It ends when it is [closed](Self::close), or with the process.
+/// A line that a tool has for itself. It ends when it is [closed](Self::close) or with the process.
 #[derive(Debug)]
 pub struct ToolLine {
     side: Arc<LocalSide>,
@@ -102,7 +102,7 @@ pub struct ToolLine {
 }
 
 impl ToolLine {
-    /// Opens `port` for the tool called `name`, with `drives` that are asked for nothing but what the tool asks.
+    /// Opens `port` for the tool called `name`, with `drives` that only get the tool's own requests.
     ///
     /// # Errors
     /// [`NoLine`]

@@ -1,4 +1,4 @@
-//! How connections are accepted, also when the system has no descriptors left.
+//! Accepting connections, also when the system has no descriptors left.
 
 use super::hall::Seat;
 use super::handshake::{Shaken, shake};
@@ -16,17 +16,17 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::yield_now;
 use tokio::time::sleep;
 
-/// Wait after a connection could not be accepted and nothing could be done about it.
+/// Wait after a connection could not be accepted and no place could be made.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
-/// Connections that are accepted before those who are connected have their turn.
+/// Connections that are accepted before open connections have their turn.
 const BATCH: u32 = 32;
-/// Turns in which a connection that is closed gives its descriptor back.
+/// Turns within which a closed connection frees its descriptor.
 const CLOSING_TURNS: u32 = 4;
 /// Probes of a silent client.
 const PROBES: u32 = 3;
 
 impl Server {
-    /// Accepts connections of those whom `listener` allows until the task is dropped.
+    /// Accepts connections that `listener` allows until the task is dropped.
     pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<Listener>) {
         self.spare.refill();
         let mut accepted = 0;
@@ -34,7 +34,7 @@ impl Server {
             match socket.accept().await {
                 Ok((stream, peer)) => self.admit(stream, peer, &listener),
                 Err(error) if is_scarcity(&error) => self.squeeze(&socket, &listener, &error).await,
-                // The client went away while it waited.
+                // The client left while it waited.
                 Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
                 Err(error) => {
                     self.told.say(&format!("cannot accept a connection: {error}"));
@@ -49,7 +49,7 @@ impl Server {
         }
     }
 
-    /// Lets in whoever is allowed and finds a place.
+    /// Serves a client if it is allowed and there is a place.
     pub(super) fn admit(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: &Rc<Listener>) {
         if !listener.allows(peer.ip()) {
             self.refuse(peer, "not in `allow`");
@@ -61,7 +61,7 @@ impl Server {
         }
     }
 
-    /// Serves a client, once it has proven itself where its listener asks for that.
+    /// Serves a client, after authentication if its listener requires it.
     fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>, seat: Seat) {
         let (source, socket) = stream.into_split();
         let Some(security) = listener.security() else {
@@ -90,8 +90,8 @@ impl Server {
         self.told.say(&format!("TLS handshake with {peer} failed: {reason}"));
     }
 
-    /// Lets in the next one though the system has no descriptors left: with the one that is kept for that, and instead of
-    /// the client that was silent for longest. Waits until there is one to spare again, or for a moment.
+    /// Accepts the next client although the system has no descriptors left: with the spare one, and in place of the
+    /// client that was silent longest. Waits until the spare one is available again, or for a moment.
     async fn squeeze(self: &Rc<Self>, socket: &TcpListener, listener: &Rc<Listener>, error: &io::Error) {
         self.told.say(&format!("cannot accept a connection; closing the client that was silent longest: {error}"));
         if self.spare.release() {
@@ -132,8 +132,8 @@ fn is_scarcity(error: &io::Error) -> bool {
     error.raw_os_error().is_some_and(|code| scarce.iter().any(|errno| errno.raw_os_error() == code))
 }
 
-/// Small answers leave at once, and a client that is gone is noticed: within twice `keep_alive` of its last sign of life,
-/// or of the first byte that it did not confirm.
+/// Small answers are sent at once, and a vanished client is noticed within twice `keep_alive` of its last packet, or of
+/// the first byte that it did not acknowledge.
 fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
     let set = || -> rustix::io::Result<()> {
         sockopt::set_tcp_nodelay(stream, true)?;

@@ -1,4 +1,5 @@
-//! Every write of a client is accounted for once: by an order or a native request of which a line knows, or as kept.
+//! Every write of a client is accounted for once: as an order or a native request at a line, or as an attempt in the
+//! journal.
 
 use super::tests::{EVERY_LINE, Kept, Plant, ask, play_with, send};
 use super::*;
@@ -49,7 +50,7 @@ fn what_no_line_saw_is_kept_with_who_what_and_why() {
             assert_eq!(*report, Some(Report::refused(reason)), "{unit} {pdu:?}");
             assert_eq!(owner.to_string(), "modbus-tcp 127.0.0.1");
         }
-        // Reads are no attempts, nor is what orders nothing.
+        // Reads are not attempts, nor are writes that order nothing.
         for (unit, pdu) in [(9, &[3, 0, 0, 0, 1][..]), (101, &[3, 0, 99, 0, 1]), (101, &[5, 0, 3, 0, 0]), (1, &[7])] {
             ask(&mut stream, unit, pdu).await;
         }
@@ -76,7 +77,7 @@ fn what_a_full_inbox_does_not_take_is_kept_as_the_order_that_it_was() {
     });
 }
 
-/// A generator whose numbers a failed run repeats.
+/// A random generator that repeats its numbers in every run.
 struct Dice(u64);
 
 impl Dice {
@@ -89,7 +90,7 @@ impl Dice {
         all[usize::try_from(self.roll(all.len() as u64)).unwrap()]
     }
 
-    /// A request that writes, right or wrong.
+    /// A write request, valid or not.
     fn write(&mut self) -> (u8, Vec<u8>) {
         let unit = self.one_of(&[1, 2, 3, 4, 101, 102, 103, 104, 0, 9, 255]);
         let address = self.one_of(&[0, 1, 2, 3, 4, 255, 256, 257, 258, 259, 0x020C, 0xFFFF_u16]).to_be_bytes();

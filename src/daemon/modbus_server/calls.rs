@@ -1,4 +1,4 @@
-//! The calls of one client: answered from pictures at once, or given to lines and answered when those have answered.
+//! The calls of one client: answered at once from the views, or passed to lines and answered when those have answered.
 
 use super::Client;
 use crate::daemon::exchange::answers::News;
@@ -17,12 +17,13 @@ use crate::north::modbus::{
 use crate::wire::exception;
 use std::time::Duration;
 
-/// Reads that renew a lease do so at most this often for each drive of a connection.
+/// Reads renew a lease at most this often for each drive of a connection.
 const RENEW_EVERY: Duration = Duration::from_millis(100);
 
 impl Client {
-    /// Takes what the client has sent. Each request is answered, if that can be done at once, before the next one is taken:
-    /// only those that wait for a line count as in flight. Of what `has_waited` through a stall only stops are orders.
+    /// Processes what the client has sent. Each request is answered before the next one is taken if that can be done at
+    /// once, so only those that wait for a line count as in flight. Of what `has_waited` through a stall only stops are
+    /// executed.
     pub(super) fn serve_bytes(&self, now: MonoTime, mut bytes: &[u8], has_waited: bool) {
         let mut words = Words::default();
         let mut machine = self.machine.borrow_mut();
@@ -37,7 +38,7 @@ impl Client {
         }
     }
 
-    /// Answers a call at once, or hands it on. One that `has_waited` does not show that its client is there.
+    /// Answers a call at once, or passes it on. One that `has_waited` does not prove that its client is still there.
     fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words, has_waited: bool) {
         let router = self.router();
         if has_waited && call.ask.writes() && !router.is_stop(call.unit, &call.ask) {
@@ -68,7 +69,7 @@ impl Client {
         }
     }
 
-    /// Hands a native request to its line, or returns what was tried and why it is refused.
+    /// Passes a native request to its line, or returns what was tried and why it is refused.
     fn ask_drive(&self, inbox: &Inbox, drive: DriveIndex, call: &Call) -> Result<(), (Option<Tried>, Reason)> {
         let Call { ticket, deadline, .. } = *call;
         let ask = native::ask_of(call.ask.clone()).map_err(|_| (tried_of(call), Reason::NotCapable))?;
@@ -87,7 +88,7 @@ impl Client {
         Ok(())
     }
 
-    /// Answers a call at once, or gives the orders that have to be answered first.
+    /// Answers a call at once, or sends the orders that have to be answered first.
     fn settle(
         &self,
         now: MonoTime,
@@ -114,15 +115,15 @@ impl Client {
         }
     }
 
-    /// Gives an order to a drive, or returns why not. What its line does not take is an attempt all the same; to renew
-    /// a lease is none.
+    /// Sends an order to a drive, or returns why not. An order that its line does not accept still counts as an
+    /// attempt; renewing a lease does not.
     fn order(&self, now: MonoTime, ticket: Ticket, drive: Drive<'_>, order: Order, manner: Manner) -> Result<(), Full> {
         let place = drive.shared.description.place;
         let command = self.command_for(now, ticket, place, order.clone(), manner);
         drive.inbox.put(Message::Command(command)).inspect_err(|Full| self.found_no_room(place, order))
     }
 
-    /// Gives a stop to each drive of this listener that has control. Each line finds its own together.
+    /// Sends a stop to each drive of this listener that has control. Each line finds its stops together.
     fn stop_all(&self, now: MonoTime, machine: &mut Connection) -> Vec<(Ticket, Result<(), Full>)> {
         let (router, order) = (self.router(), Order::Stop { setpoint: None });
         let places = router.controlled().map(|drive| drive.shared.description.place);
@@ -159,7 +160,7 @@ impl Client {
         }
     }
 
-    /// What a line does not take is an attempt all the same.
+    /// An order that a line does not accept still counts as an attempt.
     fn found_no_room(&self, place: DriveRef, order: Order) {
         if !order.is_no_attempt() {
             let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));
@@ -167,8 +168,8 @@ impl Client {
         }
     }
 
-    /// Waits for the answers to what was ordered for `call`. If nothing was (no drive has control), it is never
-    /// allowed; if nothing could be, the answer comes at once.
+    /// Waits for the answers to the orders for `call`. If there are none (no drive has control), the call is refused;
+    /// if none was accepted, it is answered at once.
     fn expect(&self, now: MonoTime, machine: &mut Connection, call: &Call, given: Vec<(Ticket, Result<(), Full>)>) {
         if given.is_empty() {
             return machine.refuse(now, call, tried_of(call), Report::refused(Reason::ReadOnly));
@@ -183,7 +184,7 @@ impl Client {
         self.commands.borrow_mut().expect(now, call.ticket, call.deadline, out, worst, read);
     }
 
-    /// Takes what a line says.
+    /// Processes news from a line.
     pub(super) fn hear(&self, now: MonoTime, news: &News) {
         match news {
             News::Native(answer) => {
@@ -211,7 +212,7 @@ impl Client {
         let _ = taken.at_once(&words, |answer| machine.answer(now, call, answer));
     }
 
-    /// Renews the lease that this client holds. Nobody waits for the answer.
+    /// Renews the lease that this client holds. The answer is not waited for.
     fn renew(&self, now: MonoTime, machine: &mut Connection, drive: Drive<'_>) {
         let view = drive.shared.view.load();
         let lease = view.control.as_ref().and_then(|control| control.lease);
@@ -232,7 +233,7 @@ impl Client {
     }
 }
 
-/// What a call tries to write, in words; nothing if it does not.
+/// What a call tries to write, as text; `None` if it does not write.
 fn tried_of(call: &Call) -> Option<Tried> {
     call.ask.writes().then(|| call.ask.tried(call.unit))
 }

@@ -1,4 +1,4 @@
-//! Who a client is and which role it has, as its certificate says.
+//! The name and the role of a client, from its certificate.
 
 use crate::domain::ids::CommanderName;
 use ring::digest::{SHA256, digest};
@@ -8,17 +8,17 @@ use x509_parser::certificate::X509Certificate;
 use x509_parser::oid_registry::OID_X509_COMMON_NAME;
 use x509_parser::x509::X509Name;
 
-/// Where the role stands: Modbus/TCP Security v2.1, the role extension.
+/// The role extension of Modbus/TCP Security v2.1.
 const ROLE: Oid<'static> = oid!(1.3.6.1.4.1.50316.802.1);
-/// Digits of a digest in a name that is made of a subject.
+/// Digits of the digest in a name that is derived from a subject.
 const DIGEST_DIGITS: usize = 16;
 
-/// What a client's certificate says of it.
+/// What a client's certificate says about it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Certificate {
-    /// The subject. The same for all certificates with that subject, and for no others.
+    /// A name for the subject. The same for all certificates with that subject, and for no others.
     pub name: CommanderName,
-    /// The role; empty where there is none.
+    /// The role; empty if there is none.
     pub role: Box<str>,
 }
 
@@ -28,19 +28,19 @@ pub(super) enum Unusable {
     /// It cannot be read.
     #[error("its certificate cannot be read")]
     Unreadable,
-    /// Nothing tells it from others.
+    /// It has no subject.
     #[error("its certificate has no subject")]
     NoSubject,
-    /// The role stands there more than once.
+    /// It has more than one role.
     #[error("its certificate has more than one role extension (1.3.6.1.4.1.50316.802.1)")]
     Roles,
-    /// The role is something else than text.
+    /// The role is not text.
     #[error("the role extension of its certificate (1.3.6.1.4.1.50316.802.1) does not hold exactly one UTF8String")]
     RoleType,
 }
 
 impl Certificate {
-    /// What the certificate `der` says. Whether that is to be believed has been found out before.
+    /// Reads the certificate `der`, which must have been verified before.
     ///
     /// # Errors
     /// Why it cannot be used.
@@ -56,13 +56,14 @@ impl Certificate {
     }
 }
 
-/// The text of a UTF8String with nothing behind it.
+/// The text of a UTF8String with no trailing bytes.
 fn text(der: &[u8]) -> Option<Box<str>> {
     let (rest, text) = Utf8String::from_der(der).ok()?;
     rest.is_empty().then(|| text.as_ref().into())
 }
 
-/// A common name that is all of a subject and fits is the name. Any other subject gets one with a digest of it.
+/// If the subject is only a common name that is a valid name, it is used as is. Any other subject gets a name with a
+/// digest of it.
 fn name(subject: &X509Name<'_>) -> Result<CommanderName, Unusable> {
     let mut attributes = subject.iter_attributes();
     let first = attributes.next().ok_or(Unusable::NoSubject)?;
@@ -83,7 +84,7 @@ fn name(subject: &X509Name<'_>) -> Result<CommanderName, Unusable> {
     CommanderName::new(&made).ok_or(Unusable::Unreadable)
 }
 
-/// Whether a name looks as if it were made here: such a common name must not pass for another's subject.
+/// Whether a name looks like one with a digest: such a common name must not pass for another subject.
 fn has_digest(text: &str) -> bool {
     let digits = text.rsplit_once('.').map(|(_, digits)| digits);
     digits.is_some_and(|digits| digits.len() == DIGEST_DIGITS && digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
@@ -161,7 +162,7 @@ mod tests {
             vec![(COMMON, "scada")],
             vec![(DnType::OrganizationName, "acme"), (COMMON, "scada")],
             vec![(DnType::OrganizationName, "other"), (COMMON, "scada")],
-            // What looks like the name of another subject is not.
+            // A common name that looks like the name of another subject.
             vec![(COMMON, organized.as_str())],
             vec![(COMMON, "a common name with blanks in it")],
             vec![(COMMON, "a common name with blanks at it")],

@@ -1,4 +1,4 @@
-//! What all connections share: their places, and the memory that unread answers take.
+//! State that all connections share: their places, and the memory that unread answers take.
 
 use super::{Client, Listener, Server};
 use crate::domain::ids::AskerId;
@@ -8,10 +8,11 @@ use std::fmt;
 use std::net::IpAddr;
 use std::rc::Rc;
 
-/// Most bytes of answers that all clients together have not read. What one may leave is bounded by its connection; this
-/// bounds thousands of them.
+/// Most bytes of unread answers of all clients together. The connection bounds what one client may leave; this bounds
+/// thousands of them.
 pub(super) const UNREAD_MAX: usize = 8 * 1024 * 1024;
-/// Down to this many bytes the greediest are closed then, so that it is not done anew for each answer.
+/// Clients with the most unread answers are closed until this many bytes are left, so that it is not repeated for each
+/// answer.
 const UNREAD_KEPT: usize = UNREAD_MAX / 4 * 3;
 
 /// Why the server ends a connection that has done nothing wrong.
@@ -32,7 +33,7 @@ impl fmt::Display for Dismissal {
     }
 }
 
-/// What all connections share.
+/// State that all connections share.
 #[derive(Debug, Default)]
 pub(super) struct Hall {
     pub(super) places: RefCell<Places>,
@@ -40,7 +41,7 @@ pub(super) struct Hall {
     unread: Cell<usize>,
 }
 
-/// The place of one connection. It is given back when this is dropped.
+/// The place of one connection. It is freed when this is dropped.
 #[derive(Debug)]
 pub(super) struct Seat {
     hall: Rc<Hall>,
@@ -50,12 +51,12 @@ pub(super) struct Seat {
 }
 
 impl Seat {
-    /// The connection has asked something.
+    /// Notes a request of the connection.
     pub(super) fn active(&self) {
         self.place.set(self.hall.places.borrow_mut().active(self.place.get()));
     }
 
-    /// So many bytes wait for the client now. Returns whether too many wait for all clients together.
+    /// Sets how many bytes wait for the client. Returns whether too many wait for all clients together.
     pub(super) fn leaves_unread(&self, bytes: usize) -> bool {
         let before = self.unread.replace(bytes);
         let all = self.hall.unread.get().saturating_sub(before).saturating_add(bytes);
@@ -72,7 +73,7 @@ impl Drop for Seat {
 }
 
 impl Server {
-    /// A place for a newcomer, if need be that of the client that was silent for longest; nothing if there is none.
+    /// A place for a new client, if need be that of the client that was silent longest; `None` if there is none.
     pub(super) fn seat(&self, peer: IpAddr, listener: &Listener) -> Option<Seat> {
         self.last.set(self.last.get() + 1);
         let asker = AskerId(self.last.get());
@@ -95,13 +96,13 @@ impl Server {
         Some(Seat { hall, asker, place, unread: Cell::default() })
     }
 
-    /// Closes the client that was silent for longest; whether there is one that may be closed.
+    /// Closes the client that was silent longest. Returns whether there is one that may be closed.
     pub(super) fn make_room(&self) -> bool {
         let gone = self.hall.places.borrow_mut().make_room(&|asker| self.is_busy(asker));
         gone.inspect(|gone| self.dismiss(*gone, Dismissal::MadeRoom)).is_some()
     }
 
-    /// Closes those who left the most answers unread until few enough bytes wait; those with priority come last.
+    /// Closes the clients with the most unread answers until few enough bytes wait; those with priority last.
     pub(super) fn shed(&self) {
         let clients = self.clients.borrow();
         let mut greedy: Vec<_> = clients.values().filter(|client| client.seat.unread.get() > 0).collect();

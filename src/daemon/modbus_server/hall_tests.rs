@@ -33,7 +33,7 @@ impl Crowd {
         socket.connect(self.address).await.unwrap()
     }
 
-    /// Clients that have asked nothing, in order of their coming.
+    /// Clients without requests, in order of connection.
     async fn silent(&self, count: usize) -> Vec<TcpStream> {
         let before = self.totals.accepted();
         let mut streams = Vec::new();
@@ -63,7 +63,7 @@ impl Crowd {
     }
 }
 
-/// Plays with a server that has so many places.
+/// Runs `test` with a server that has this many places.
 fn play<F: Future<Output = ()>>(places: usize, settings: ListenerSettings, test: impl FnOnce(Crowd) -> F) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let end = Duration::from_secs(20);
@@ -178,7 +178,7 @@ fn one_that_never_stops_asking_takes_no_turn_of_another() {
         for at in 0..8_000 {
             mbap::encode(&mut requests, at, 101, |out| out.extend_from_slice(&READ));
         }
-        // All that the socket takes at once, and whole ones.
+        // As many whole requests as the socket takes at once.
         let taken = flood.try_write(&requests).unwrap();
         let many = taken / 12;
         assert!(many > 1_500, "{taken}");
@@ -236,7 +236,7 @@ fn only_the_units_that_are_listed_answer() {
             let answer = ask(&mut stream, 255, &[3, high, low, 0, 1]).await;
             assert_eq!(answer != [3, 2, 0xFF, 0xFF], is_shown, "drive {drive}: {answer:?}");
         }
-        // A stop for all is one for those that are served here and have control.
+        // A stop for all is for the drives that are served here and have control.
         let asked = crowd.totals.counters().requests + 1;
         send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0])]).await;
         while crowd.totals.counters().requests < asked {
@@ -245,7 +245,7 @@ fn only_the_units_that_are_listed_answer() {
         let messages = crowd.messages();
         let [Message::Command(stop)] = &messages[..] else { panic!("{messages:?}") };
         assert_eq!((stop.order.clone(), stop.drive.get()), (Order::Stop { setpoint: None }, 0));
-        // Native reads of the drive whose own unit is listed reach its line.
+        // Native reads of the drive whose native unit is listed reach its line.
         send(&mut stream, &[(8, 2, &[3, 1, 1, 0, 1])]).await;
         loop {
             tokio::task::yield_now().await;
@@ -263,7 +263,7 @@ fn an_idle_time_out_of_the_listener_holds_at_once() {
         send(&mut stream, &[(1, 101, &READ)]).await;
         assert_eq!(answer(&mut stream).await.2, [3, 2, 0, 1]);
         assert!(is_closed(&mut stream).await);
-        // What is not whole is none of its business.
+        // An incomplete request is not counted.
         let mut slow = crowd.connect_from(HERE).await;
         slow.write_all(&[0, 1]).await.unwrap();
         assert!(tokio::time::timeout(Duration::from_millis(200), slow.read(&mut [0; 8])).await.is_err());

@@ -1,4 +1,4 @@
-//! TLS handshakes: beside the accepting of connections, bounded in number and in time.
+//! TLS handshakes: concurrent with accepting, bounded in number and time.
 
 use super::certificate::Certificate;
 use super::receive;
@@ -16,20 +16,20 @@ use tokio::task::AbortHandle;
 
 /// Most time for a handshake.
 pub(super) const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
-/// Most handshakes at once over all listeners. Then the oldest gives way: one that stalls holds up nobody.
+/// Most handshakes at once over all listeners. One more aborts the oldest: a stalled one holds up no one.
 pub(super) const HANDSHAKES_MAX: usize = 64;
 
-/// A client that has proven itself.
+/// A client that has authenticated itself.
 pub(super) struct Shaken {
     pub source: OwnedReadHalf,
     pub stream: SecuredStream,
     pub certificate: Certificate,
 }
 
-/// Makes a connection secure.
+/// Performs the handshake of a connection.
 ///
 /// # Errors
-/// Why not, in words.
+/// Why it failed, as text.
 pub(super) async fn shake(
     mut source: OwnedReadHalf,
     socket: OwnedWriteHalf,
@@ -63,7 +63,7 @@ async fn finish(source: &mut OwnedReadHalf, stream: &SecuredStream) -> io::Resul
     Ok(())
 }
 
-/// Why a handshake failed, in words for people.
+/// Why a handshake failed, as text.
 fn reason(error: &io::Error) -> String {
     let tls = error.get_ref().and_then(|inner| inner.downcast_ref::<Error>());
     let Some(tls) = tls else {
@@ -87,7 +87,7 @@ fn reason(error: &io::Error) -> String {
 
 fn certificate_reason(wrong: &CertificateError) -> String {
     let text = match wrong {
-        // An authority of the same name with another key gives the second.
+        // An authority of the same name with another key causes the second.
         CertificateError::UnknownIssuer | CertificateError::BadSignature => {
             "its certificate is not signed by an authority in `client_ca_file`"
         }
@@ -121,13 +121,13 @@ struct UnderWay {
 }
 
 impl Handshakes {
-    /// How many are under way.
+    /// The number of handshakes under way.
     #[cfg(test)]
     pub fn len(&self) -> usize {
         self.under_way.borrow().len()
     }
 
-    /// One has begun. If there are too many, the oldest is ended; its peer is returned.
+    /// Registers a handshake. If there are too many, the oldest is aborted and its peer returned.
     pub fn began(&self, asker: AskerId, peer: SocketAddr, task: AbortHandle) -> Option<SocketAddr> {
         let mut under_way = self.under_way.borrow_mut();
         let is_full = under_way.len() >= HANDSHAKES_MAX;
@@ -139,12 +139,12 @@ impl Handshakes {
         })
     }
 
-    /// One is over.
+    /// Removes a finished handshake.
     pub fn ended(&self, asker: AskerId) {
         self.under_way.borrow_mut().retain(|it| it.asker != asker);
     }
 
-    /// The one of this client is to end now. Returns whether there is one.
+    /// Aborts the handshake of this client. Returns whether there is one.
     pub fn dismiss(&self, asker: AskerId) -> bool {
         let mut under_way = self.under_way.borrow_mut();
         let place = under_way.iter().position(|it| it.asker == asker);

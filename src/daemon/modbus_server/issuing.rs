@@ -8,7 +8,7 @@ use rcgen::{
 };
 use std::path::PathBuf;
 
-/// Where the role stands, typed from the specification.
+/// The object identifier of the role, typed from the specification.
 const ROLE: [u64; 9] = [1, 3, 6, 1, 4, 1, 50316, 802, 1];
 
 /// An authority.
@@ -33,7 +33,7 @@ impl Authority {
         Self { issuer: Issuer::new(params, key), certificate }
     }
 
-    /// A certificate as `edit` leaves it.
+    /// Issues a certificate with the parameters as changed by `edit`.
     pub fn issue(&self, edit: impl FnOnce(&mut CertificateParams)) -> Issued {
         let mut params = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
         params.distinguished_name = rcgen::DistinguishedName::new();
@@ -63,7 +63,7 @@ pub(super) fn role_holding(der: Vec<u8>) -> CustomExtension {
     CustomExtension::from_oid_content(&ROLE, der)
 }
 
-/// Files of a listener. They are gone after the test.
+/// Files of a listener. They are removed after the test.
 pub(super) struct Files {
     directory: Dir,
 }
@@ -79,7 +79,8 @@ impl Files {
         file
     }
 
-    /// A listener of a gateway of `own` that trusts the clients of `clients`: an operator may all, a viewer may read.
+    /// A listener with a certificate of `own` that trusts the clients of `clients`: an operator may do everything, a
+    /// viewer may read.
     pub fn listener(&self, own: &Authority, clients: &Authority) -> ListenerTls {
         let gateway = own.issue(|params| params.distinguished_name.push(DnType::CommonName, "gateway"));
         let roles = [("operator", Rights { write: true, stop: true }), ("viewer", Rights::NONE)];

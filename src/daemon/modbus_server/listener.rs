@@ -1,4 +1,4 @@
-//! What a listener grants, and where its units lead to: both change while its connections stay.
+//! What a listener grants, and where its units lead to. Both may change while its connections stay open.
 
 use super::security::Security;
 use crate::config::ListenerSettings;
@@ -14,10 +14,10 @@ use std::time::Duration;
 /// A listener as it is configured at present.
 #[derive(Debug)]
 pub struct Listener {
-    /// Nothing: it is gone.
+    /// `None` if it was removed.
     settings: RefCell<Option<ListenerSettings>>,
     router: RefCell<Rc<Router>>,
-    /// Nothing: connections are not encrypted.
+    /// `None` if connections are not encrypted.
     security: RefCell<Option<Rc<Security>>>,
     room: OnceCell<RoomId>,
 }
@@ -25,18 +25,17 @@ pub struct Listener {
 /// What a listener grants to a client.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Granted {
-    /// Requests are answered at all.
+    /// Whether requests are answered at all.
     pub may_ask: bool,
     pub rights: Rights,
-    /// Its reads of a uniform unit renew its lease.
+    /// Whether its reads of a uniform unit renew its lease.
     pub reads_renew: bool,
-    /// A connection without a request is closed after this time; nothing: never.
+    /// A connection without a request is closed after this time; `None` for never.
     pub idle_timeout: Option<Duration>,
 }
 
 impl Listener {
-    /// A listener with these settings, whose units lead where `router` says. `security` is what has been read for the
-    /// settings' TLS.
+    /// A listener with these settings, whose units `router` routes. `security` is what was read for the settings' TLS.
     #[must_use]
     pub fn new(settings: ListenerSettings, router: Router, security: Option<Security>) -> Rc<Self> {
         Rc::new(Self {
@@ -47,14 +46,14 @@ impl Listener {
         })
     }
 
-    /// Its settings are others now.
+    /// Replaces its settings.
     pub fn change(&self, settings: ListenerSettings, router: Router, security: Option<Security>) {
         self.settings.replace(Some(settings));
         self.router.replace(Rc::new(router));
         self.security.replace(security.map(Rc::new));
     }
 
-    /// It is gone: nobody is allowed any more.
+    /// Removes it: no client is allowed any more.
     pub fn close(&self) {
         self.settings.replace(None);
     }
@@ -63,13 +62,12 @@ impl Listener {
         Rc::clone(&self.router.borrow())
     }
 
-    /// What new connections are made secure by; nothing: they are not.
+    /// The TLS of new connections; `None` if they are not encrypted.
     pub(super) fn security(&self) -> Option<Rc<Security>> {
         self.security.borrow().clone()
     }
 
-    /// Whether a connection that was made secure by `security`, or by nothing, may go on: not if it could not be made
-    /// any more.
+    /// Whether a connection that was accepted with `security` may continue: only if it would still be accepted.
     pub(super) fn goes_on(&self, security: Option<&Security>) -> bool {
         match (self.security.borrow().as_deref(), security) {
             (None, None) => true,
@@ -84,7 +82,7 @@ impl Listener {
         settings.as_ref().is_some_and(allows)
     }
 
-    /// What a client at `peer` gets, by the `role` of its certificate where it has shown one.
+    /// What a client at `peer` is granted, with the `role` of its certificate if it presented one.
     pub(super) fn grants(&self, peer: IpAddr, role: Option<&str>) -> Granted {
         let settings = self.settings.borrow();
         let rights = settings.as_ref().and_then(|it| {
@@ -103,7 +101,7 @@ impl Listener {
         }
     }
 
-    /// The room of its connections, which `add` makes once.
+    /// The room of its connections, which `add` creates once.
     pub(super) fn room(&self, add: impl FnOnce() -> RoomId) -> RoomId {
         *self.room.get_or_init(add)
     }

@@ -26,7 +26,7 @@ const READ: [u8; 5] = [3, 0, 0, 0, 1];
 const RUN: [u8; 5] = [6, 1, 0, 0, 1];
 const EVERY_VERSION: &[&SupportedProtocolVersion] = &[&version::TLS12, &version::TLS13];
 
-/// A plant behind a listener with TLS, at which operators may all and viewers may read.
+/// A plant behind a listener with TLS, at which operators may do everything and viewers may read.
 struct Secured {
     plant: Plant,
     /// Issues the gateway's certificate.
@@ -78,7 +78,7 @@ impl Secured {
             Some(client) => {
                 let key = PrivateKeyDer::try_from(client.key.serialize_der()).unwrap();
                 let key = ring::sign::any_supported_type(&key).unwrap();
-                // Not looked at on this side, whatever is wrong with it.
+                // Not checked on this side, whatever is wrong with it.
                 let shown = CertifiedKey::new(vec![client.certificate.der().clone()], key);
                 builder.with_client_cert_resolver(Arc::new(SingleCertAndKey::from(shown)))
             }
@@ -94,7 +94,7 @@ impl Secured {
         self.connect(&self.config(Some(&self.clients.client(name, role)), EVERY_VERSION)).await
     }
 
-    /// Has the listener changed as a reload does.
+    /// Changes the listener as a reload does.
     fn change(&self, settings: ListenerSettings) {
         let security = settings.tls.as_ref().map(|tls| Security::read(tls).unwrap());
         let router = router(&settings, &self.plant.shared);
@@ -276,7 +276,7 @@ fn a_handshake_ends_in_time() {
     play(async |secured: Secured| {
         let mut stalled = TcpStream::connect(secured.plant.address).await.unwrap();
         let mut half = TcpStream::connect(secured.plant.address).await.unwrap();
-        // The head of a record that never comes.
+        // The header of a record that never arrives.
         half.write_all(&[22, 3, 1, 2, 0, 1]).await.unwrap();
         while secured.server.handshakes.len() < 2 {
             tokio::task::yield_now().await;
@@ -293,7 +293,7 @@ fn what_is_no_tls_is_closed() {
         let mut plain = TcpStream::connect(secured.plant.address).await.unwrap();
         send(&mut plain, &[(1, 101, &READ)]).await;
         let mut told = Vec::new();
-        // An alert may come before the end; an answer does not.
+        // An alert may arrive before the end; an answer does not.
         let _ = plain.read_to_end(&mut told).await;
         assert!(told.len() < 9, "{told:?}");
         assert_eq!(secured.totals.handshakes_failed(), 1);

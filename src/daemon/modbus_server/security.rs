@@ -1,4 +1,4 @@
-//! Modbus Security: what a listener proves itself with, and whom it trusts.
+//! Modbus Security: a listener's certificate, and the authorities it trusts.
 
 use super::certificate::Certificate;
 use crate::config::ListenerTls;
@@ -14,10 +14,10 @@ use rustls::{
 };
 use std::sync::Arc;
 
-/// Most bytes of answers that are encrypted and not sent. What is beyond stays with its connection.
+/// Most bytes of answers that are encrypted and not sent. The rest waits unencrypted in its connection.
 const ENCRYPTED_MAX: usize = 8 * 1024;
 
-/// What a listener proves itself with, and whom it trusts.
+/// A listener's certificate, and the authorities it trusts.
 #[derive(Debug)]
 pub struct Security {
     config: Arc<ServerConfig>,
@@ -28,7 +28,7 @@ impl Security {
     /// Reads the files that `tls` names.
     ///
     /// # Errors
-    /// All that is wrong with them, in words.
+    /// Everything that is wrong with them, as text.
     pub fn read(tls: &ListenerTls) -> Result<Self, String> {
         let (chain, key, authorities) =
             (certificates(&tls.cert_file), key(&tls.key_file), certificates(&tls.client_ca_file));
@@ -36,15 +36,15 @@ impl Security {
             (Ok(chain), Ok(key), Ok(authorities)) => {
                 let verifier = Verifier::trusting(&authorities)
                     .map_err(|error| format!("{}: {error}", tls.client_ca_file.display()))?;
-                // The provider is named, so that it does not matter what other parts of the process install or not.
+                // The provider is named, so that it does not matter what other parts of the process install.
                 let mut config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
                     .with_safe_default_protocol_versions()
                     .map_err(|error| error.to_string())?
                     .with_client_cert_verifier(Arc::new(verifier))
                     .with_single_cert(chain, key)
                     .map_err(|error| own(tls, &error))?;
-                // A resumed session would pass over the client's certificate, which may have expired since, or its
-                // authority be trusted no more.
+                // A resumed session would skip the client's certificate, which may have expired since, or whose
+                // authority may no longer be trusted.
                 config.session_storage = Arc::new(NoServerSessionStorage {});
                 config.send_tls13_tickets = 0;
                 Ok(Self { config: Arc::new(config), authorities })
@@ -79,7 +79,7 @@ fn own(tls: &ListenerTls, error: &Error) -> String {
     }
 }
 
-/// Trusts the clients of some authorities, if their certificates say clearly who they are.
+/// Trusts the clients of some authorities, if their certificates identify them unambiguously.
 #[derive(Debug)]
 struct Verifier(Arc<dyn ClientCertVerifier>);
 
@@ -106,7 +106,7 @@ impl ClientCertVerifier for Verifier {
         now: UnixTime,
     ) -> Result<ClientCertVerified, Error> {
         let verified = self.0.verify_client_cert(end_entity, intermediates, now)?;
-        // Here and not later, so that a client is told in the handshake.
+        // Here and not later, so that the client is refused in the handshake.
         match Certificate::read(end_entity) {
             Ok(_) => Ok(verified),
             Err(unusable) => Err(Error::InvalidCertificate(CertificateError::Other(OtherError(Arc::new(unusable))))),

@@ -1,4 +1,4 @@
-//! The way between a client's socket and its machine: plain, or through TLS.
+//! The stream between a client's socket and its machine: plain, or through TLS.
 
 use crate::north::modbus::Connection;
 use rustls::ServerConnection;
@@ -8,21 +8,21 @@ use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::unix;
 
 /// Bytes read from a socket at once: the longest message and some, or a burst of short ones. Small, because each
-/// connection has a buffer, and because whoever has sent more waits until all others had their turn.
+/// connection has a buffer, and because a client that has sent more waits until all others had their turn.
 pub(super) const READ_BYTES: usize = 512;
 
-/// The way to a client. What comes from it is read elsewhere, as it is on the network.
+/// The stream to a client. Its raw bytes are read elsewhere.
 #[derive(Debug)]
 pub(super) enum Stream {
-    /// As it is.
+    /// Plain.
     Plain(OwnedWriteHalf),
-    /// As it is, to a tool in this process.
+    /// Plain, to a tool in this process.
     Tool(unix::OwnedWriteHalf),
     /// Through TLS.
     Secured(Box<SecuredStream>),
 }
 
-/// A socket with the TLS session that goes over it.
+/// A socket with its TLS session.
 #[derive(Debug)]
 pub(super) struct SecuredStream {
     socket: OwnedWriteHalf,
@@ -30,10 +30,10 @@ pub(super) struct SecuredStream {
 }
 
 impl Stream {
-    /// Gives `take` what `bytes` of the network say, in pieces, and what was left from before.
+    /// Decrypts `bytes` and passes the plain text to `take`, in pieces, including what was left from before.
     ///
     /// # Errors
-    /// The client ended the session, or the bytes are none of it.
+    /// The client ended the session, or the bytes are not valid TLS.
     pub fn open(&self, bytes: &[u8], mut take: impl FnMut(&[u8])) -> io::Result<()> {
         match self {
             Self::Plain(_) | Self::Tool(_) => {
@@ -56,7 +56,7 @@ impl Stream {
         }
     }
 
-    /// Whether something waits for the socket beside the output of the machine.
+    /// Whether bytes wait for the socket beside the output of the machine.
     pub fn wants_write(&self) -> bool {
         match self {
             Self::Plain(_) | Self::Tool(_) => false,
@@ -76,11 +76,11 @@ impl Stream {
         }
     }
 
-    /// Tells the client that nothing follows, as far as the socket takes that at once.
+    /// Sends the client the end of the session, as far as the socket takes it at once.
     pub fn close(&self) {
         if let Self::Secured(secured) = self {
             secured.session.borrow_mut().send_close_notify();
-            // The connection ends in any case.
+            // The connection is closed in any case.
             let _ = secured.send();
         }
     }
@@ -104,10 +104,10 @@ impl SecuredStream {
         Self { socket, session: RefCell::new(session) }
     }
 
-    /// Brings the handshake further by `bytes` of the network, and sends what follows as far as the socket takes it.
+    /// Continues the handshake with received `bytes`, and sends the response as far as the socket takes it.
     ///
     /// # Errors
-    /// Why the handshake failed: a [`rustls::Error`] within, or the socket's.
+    /// Why the handshake failed: contains a [`rustls::Error`], or is the socket's.
     pub fn shake(&self, mut bytes: &[u8]) -> io::Result<()> {
         let mut session = self.session.borrow_mut();
         let mut result = Ok(());
@@ -115,18 +115,18 @@ impl SecuredStream {
             result = feed(&mut session, &mut bytes);
         }
         drop(session);
-        // After a failure this is the alert that tells the client why.
+        // After a failure this is the alert with the reason.
         let sent = self.send();
         result.and(sent)
     }
 
-    /// Whether the handshake is over, and all that belongs to it is sent.
+    /// Whether the handshake is complete and all of it is sent.
     pub fn is_ready(&self) -> bool {
         let session = self.session.borrow();
         !session.is_handshaking() && !session.wants_write()
     }
 
-    /// Whether something waits for the socket.
+    /// Whether bytes wait for the socket.
     pub fn wants_write(&self) -> bool {
         self.session.borrow().wants_write()
     }
@@ -139,7 +139,7 @@ impl SecuredStream {
         self.socket.writable().await
     }
 
-    /// What `look` makes of the certificate with which the client has proven itself.
+    /// Applies `look` to the client's certificate.
     pub fn with_certificate<T>(&self, look: impl FnOnce(&[u8]) -> T) -> Option<T> {
         let session = self.session.borrow();
         session.peer_certificates()?.first().map(|der| look(der))
@@ -159,7 +159,7 @@ impl SecuredStream {
         }
     }
 
-    /// Little is encrypted ahead, so that a client that does not read costs no more memory than one without TLS.
+    /// Little is encrypted in advance, so that a client that does not read costs no more memory than one without TLS.
     fn flush(&self, machine: &mut Connection) -> io::Result<()> {
         loop {
             if !machine.output().is_empty() {
@@ -188,7 +188,7 @@ impl SecuredStream {
     }
 }
 
-/// Takes some of `bytes` into the session.
+/// Feeds some of `bytes` to the session.
 fn feed(session: &mut ServerConnection, bytes: &mut &[u8]) -> io::Result<()> {
     if session.read_tls(bytes)? == 0 {
         return Err(io::ErrorKind::UnexpectedEof.into());
@@ -197,7 +197,7 @@ fn feed(session: &mut ServerConnection, bytes: &mut &[u8]) -> io::Result<()> {
     processed.map(|_| ()).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
-/// A socket that is written to without waiting.
+/// A socket whose writes do not block.
 struct Socket<'s>(&'s OwnedWriteHalf);
 
 impl Write for Socket<'_> {

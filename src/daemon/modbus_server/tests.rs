@@ -42,8 +42,8 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     keep_alive: None,
 };
 
-/// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line
-/// has control. Nobody serves the lines: the test looks into their inboxes.
+/// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line has
+/// control. The lines have no threads: the test reads their inboxes.
 pub(super) struct Plant {
     pub(super) shared: Arc<Shared>,
     pub(super) answers: Arc<AnswerBox>,
@@ -102,7 +102,7 @@ fn show(drive: &crate::daemon::exchange::shared::SharedDrive, lease: Option<(Own
     drive.view.store(Arc::new(view));
 }
 
-/// Keeps what no line saw.
+/// Keeps attempts that reached no line.
 #[derive(Debug, Default)]
 pub(super) struct Kept(std::sync::Mutex<Vec<(Option<DriveRef>, Attempt)>>);
 
@@ -170,7 +170,7 @@ pub(super) async fn answer(stream: &mut (impl AsyncRead + Unpin)) -> (u16, u8, V
     (u16::from_be_bytes([head[0], head[1]]), head[6], pdu)
 }
 
-/// What is answered to one request.
+/// The answer to one request.
 pub(super) async fn ask(stream: &mut (impl AsyncRead + AsyncWrite + Unpin), unit: u8, pdu: &[u8]) -> Vec<u8> {
     send(stream, &[(7, unit, pdu)]).await;
     let (transaction, answering, pdu) = answer(stream).await;
@@ -179,7 +179,7 @@ pub(super) async fn ask(stream: &mut (impl AsyncRead + AsyncWrite + Unpin), unit
 }
 
 impl Plant {
-    /// Nothing waits for any line.
+    /// Asserts that no message waits for any line.
     pub(super) fn assert_untouched(&self) {
         for line in &self.shared.lines {
             let mut batch = Vec::new();
@@ -188,7 +188,7 @@ impl Plant {
         }
     }
 
-    /// The commands that `line` has got, once there are `count`.
+    /// The commands that `line` has received, once there are `count`.
     pub(super) async fn commands(&self, line: usize, count: usize) -> Vec<CommandRequest> {
         let mut got = Vec::new();
         while got.len() < count {
@@ -203,7 +203,7 @@ impl Plant {
         got
     }
 
-    /// The native request that `line` has got, once there is one.
+    /// The native request that `line` has received, once there is one.
     async fn native(&self, line: usize) -> NativeRequest {
         loop {
             tokio::task::yield_now().await;
@@ -219,7 +219,7 @@ impl Plant {
         }
     }
 
-    /// Nothing but stops and what must not be lost has room on its way to `line`.
+    /// Fills the inbox of `line` so that only stops and other messages that must not be lost find room.
     fn fill(&self, line: usize) {
         for _ in 0..INBOX_MAX + COMMANDS_MAX {
             self.shared.lines[line].inbox.put(Message::AskerGone(AskerId(99))).unwrap();
@@ -320,7 +320,7 @@ fn stop_all_goes_to_every_drive_with_control_and_is_answered_by_the_worst() {
 fn each_line_finds_its_stops_of_a_stop_for_all_together() {
     play_on(shared_with(|_| true), EVERY_LINE, None, |plant, mut stream| async move {
         let sleepers = [0, 1].map(|line: usize| Sleeper::new(&plant.shared.lines[line].inbox));
-        // What is answered from memory shows that the stop before it was given.
+        // The answer from memory shows that the stop before it was sent.
         send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0]), (8, 101, &[3, 0, 0, 0, 1])]).await;
         assert_eq!(answer(&mut stream).await, (8, 101, vec![3, 2, 0, 1]));
         assert_eq!(sleepers.map(Sleeper::found), [2, 2]);
@@ -362,7 +362,7 @@ fn a_full_inbox_is_busy_except_for_stops() {
         plant.fill(0);
         assert_eq!(ask(&mut stream, 101, &RUN).await, [0x86, 6]);
         assert_eq!(ask(&mut stream, 1, &[3, 1, 1, 0, 1]).await, [0x83, 6]);
-        // What is refused behind a stop shows that the inbox was full for that too.
+        // The refusal after the stop shows that the inbox was full for it, too.
         send(&mut stream, &[(6, 1, &[6, 0, 2, 0, 0]), (8, 1, &[6, 0, 2, 0, 1])]).await;
         assert_eq!(answer(&mut stream).await, (8, 1, vec![0x86, 6]), "to run is no stop");
         let NativeRequest { asker, ticket, ask, .. } = plant.native(0).await;
@@ -381,12 +381,12 @@ fn a_full_inbox_is_busy_except_for_stops() {
     });
 }
 
-/// The settings of a listener at which everybody here may write, and whose reads renew.
+/// The settings of a listener at which every client of this host may write, and whose reads renew.
 fn renewing() -> ListenerSettings {
     ListenerSettings { write: vec!["127.0.0.0/8".parse().unwrap()], reads_renew: true, ..EVERY_LINE }
 }
 
-/// A client behind a listener with these settings, and all that can be done to it.
+/// A client of a listener with these settings, with the listener and the server.
 async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Listener>, Rc<Server>) {
     let socket = TcpListener::bind(settings.listen).await.unwrap();
     let stream = TcpStream::connect(socket.local_addr().unwrap()).await.unwrap();
@@ -422,7 +422,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         assert!(matches!(&batch[0], Message::Command(it) if it.origin.rights.write), "{batch:?}");
         plant.assert_untouched();
         drop(first);
-        // Whoever is not allowed any more is sent away.
+        // A client that is no longer allowed is disconnected.
         let settings = ListenerSettings { allow: Some(vec!["10.0.0.0/8".parse().unwrap()]), ..EVERY_LINE };
         listener.change(settings.clone(), Router::new(&settings, units), None);
         server.review();
@@ -463,14 +463,14 @@ fn reads_renew_only_where_that_is_granted_and_only_the_lease_of_the_client() {
     });
 }
 
-/// `pdu` with so many more bytes. A message carries 253 of a PDU, so one word too many is a block that is cut short.
+/// `pdu` with `bytes` more bytes. A message carries 253 bytes of a PDU, so one word too many truncates the block.
 fn longer(pdu: &[u8], bytes: usize) -> Vec<u8> {
     [pdu, &vec![0; bytes]].concat()
 }
 
 #[test]
 fn what_is_wrong_in_itself_has_its_exception_at_every_unit_and_reaches_no_line() {
-    // Of functions that all units have, and of those that native units have not.
+    // Functions that all units have, and those that native units lack.
     let of_all: Vec<(Vec<u8>, u8)> = vec![
         (vec![3, 0, 0, 0, 0], 3),
         (vec![3, 0, 0, 0, 126], 3),

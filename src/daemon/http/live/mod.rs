@@ -166,7 +166,7 @@ impl LiveState {
             (events::first(&source.document().to_string(), &moment), LastState::now(source))
         });
         let first = live.room.pieces(first.into())?;
-        // Listeners from before keep their own earlier state and still receive every change.
+        // Existing listeners received an earlier state; keep that one, so that they get every change.
         self.told.get_or_insert(told);
         Some(self.listeners.add(first, stay))
     }
