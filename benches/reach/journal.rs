@@ -88,7 +88,7 @@ impl Writer {
     }
 
     fn trip(number: u64) -> Entry {
-        let words = (0x0111..0x0117).map(|address| (address, number as u16)).collect();
+        let words = (0x0111_u16..0x0117).map(|address| (address.into(), number as u16)).collect();
         let record = TripRecord { at: clock::now(), code: Some(1), words };
         let event = TripEvent {
             kind: TripEventKind::Tripped { trips: 1, record },

@@ -9,6 +9,7 @@ use std::collections::{BTreeSet, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
+use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::command::{
     CommandRequest, Direction, Go, Manner, Order, Origin, Owner, RegisterWrite, Rights,
 };
@@ -166,7 +167,7 @@ impl Watch {
         let mut reply = Vec::new();
         framing::encode(self.framing, &mut reply, station, |out| match Request::decode(&pdu) {
             _ if how & 3 == 3 => out.extend([pdu[0] | function::EXCEPTION_BIT, how >> 4]),
-            Some(Request::ReadHolding { count, .. }) => pdu::encode_words_reply(out, &vec![word; count.into()]),
+            Some(Request::Read { count, .. }) => pdu::encode_read_reply(out, Table::Holding, &vec![word; count.into()]),
             _ => out.extend_from_slice(&pdu[..pdu.len().min(5)]),
         });
         if how & 4 != 0 {
@@ -183,11 +184,11 @@ impl Watch {
         let address = if kind & 8 == 0 { feed.word() } else { self.role(feed.byte()) };
         let room = usize::from(u16::MAX - address) + 1;
         let ask = match kind % 4 {
-            0 | 1 => NativeAsk::Read { address, count: (1 + feed.word() % 125).min(room as u16) },
+            0 | 1 => NativeAsk::Read { address: address.into(), count: (1 + feed.word() % 125).min(room as u16) },
             2 => {
                 let mut values = feed.words(122.min(room - 1));
                 values.push(feed.word());
-                NativeAsk::Write { address, values }
+                NativeAsk::Write { address: address.into(), values }
             }
             _ => NativeAsk::Loop { data: address },
         };
@@ -206,7 +207,7 @@ impl Watch {
     /// The register of one of the roles by which a drive is commanded.
     fn role(&self, which: u8) -> u16 {
         let role = if which & 1 == 0 { Role::RunCommand } else { Role::FrequencyCommand };
-        self.model.register_for(role).map_or(0, |register| register.address)
+        self.model.register_for(role).map_or(0, |register| register.address.number())
     }
 
     fn command(&mut self, feed: &mut Feed<'_>) {
@@ -240,7 +241,7 @@ impl Watch {
             rest => {
                 let direction = if kind & 32 == 0 { Direction::Forward } else { Direction::Reverse };
                 let writes = feed.words(if rest < 9 { 17 } else { 0 });
-                let writes = writes.into_iter().map(|address| RegisterWrite { address, value: 1 });
+                let writes = writes.into_iter().map(|address| RegisterWrite { address: address.into(), value: 1 });
                 return Go::new(writes.collect(), frequency, (rest > 7).then_some(direction)).map(Order::Go);
             }
         })
@@ -338,10 +339,9 @@ impl Watch {
             Some(Request::WriteMultiple { address, values }) => (address, values),
             _ => return,
         };
-        let offset = register.address.checked_sub(address).map(usize::from);
-        let Some(word) = offset.and_then(|offset| values.get(offset)) else { return };
+        let Some(word) = register.address.word_in(address, &values) else { return };
         let runs = [Some(&run.forward), run.reverse.as_ref()];
-        if runs.iter().flatten().any(|fact| fact.value == *word) {
+        if runs.iter().flatten().any(|fact| fact.value == word) {
             assert!(self.runs_ordered > 0, "nobody ordered {pdu:02X?}");
             self.runs_ordered -= 1;
         }

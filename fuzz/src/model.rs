@@ -58,7 +58,7 @@ fn a_drive_answers(model: &Arc<Model>) {
     let every = 1 + model.registers.len() / 16;
     for address in model.registers.iter().step_by(every).map(|register| register.address) {
         let requests = [
-            Request::ReadHolding { address, count: 1 },
+            Request::Read { address, count: 1 },
             Request::WriteSingle { address, value: 1 },
             Request::WriteMultiple { address, values: vec![1, 0] },
         ];

@@ -3,10 +3,11 @@
 //! Input: a piece that is the request's PDU, then the reply's.
 
 use super::feed::Feed;
+use vfd_gateway::domain::address::Table;
 use vfd_gateway::north::modbus::{Ask, parse};
 use vfd_gateway::wire::exception;
 use vfd_gateway::wire::mbap;
-use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Reply, Request, encode_words_reply, function};
+use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Reply, Request, encode_read_reply, function};
 
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);
@@ -40,10 +41,10 @@ fn is_the_right_one(request: &Request, answer: &Reply, pdu: &[u8]) {
     assert_eq!((pdu.len(), pdu[0]), (request.reply_pdu_bytes(), request.function()));
     let asked = encoded(request);
     match (request, answer) {
-        (Request::ReadHolding { count, .. }, Reply::Words(words)) => {
+        (Request::Read { count, .. }, Reply::Words(words)) => {
             assert_eq!(words.len(), usize::from(*count));
             let mut again = Vec::new();
-            encode_words_reply(&mut again, words);
+            encode_read_reply(&mut again, Table::Holding, words);
             assert_eq!(again, pdu);
         }
         (Request::WriteSingle { .. }, Reply::Holds { value }) => {
@@ -67,13 +68,13 @@ fn of_a_client(pdu: &[u8]) {
             assert_eq!(ask.function(), pdu[0]);
             let same = match ask {
                 Ask::ReadWords { address, count, .. } if pdu[0] == function::READ_HOLDING => {
-                    Request::ReadHolding { address, count }
+                    Request::Read { address: address.into(), count }
                 }
                 Ask::LoopTest { data } => Request::Loopback { data },
-                Ask::WriteWord { address, value } => Request::WriteSingle { address, value },
+                Ask::WriteWord { address, value } => Request::WriteSingle { address: address.into(), value },
                 Ask::WriteWords { address, values } => {
                     assert!(usize::from(address) + values.len() <= 0x1_0000, "past the last register");
-                    Request::WriteMultiple { address, values }
+                    Request::WriteMultiple { address: address.into(), values }
                 }
                 _ => return,
             };

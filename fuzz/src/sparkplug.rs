@@ -194,7 +194,7 @@ impl Rig {
         let mut view = self.views[place].as_ref().clone();
         view.snapshot.presence = if feed.byte() < 200 { Presence::Online } else { Presence::Offline };
         view.trip.active = Some(feed.flag());
-        view.snapshot.take(0x0101, &[feed.word()], at);
+        view.snapshot.take(0x0101_u16.into(), &[feed.word()], at);
         self.views[place] = Arc::new(view);
         self.acts();
     }

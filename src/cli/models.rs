@@ -149,7 +149,7 @@ fn of_document(document: &Document, model: &Model) -> Value {
 
 fn of_register(register: &Register) -> Value {
     json!({
-        "address": register.address,
+        "address": register.address.number(),
         "code": register.code,
         "name": register.name,
         "title": register.title,

@@ -115,7 +115,7 @@ impl What {
         if let Some(register) = named.filter(readable).filter(|_| self.count == 1) {
             return Ok(ReadRequest::Registers(vec![register.clone()]));
         }
-        let first = named.map_or_else(|| address(wanted), |register| Ok(register.address));
+        let first = named.map_or_else(|| address(wanted), |register| Ok(register.address.number()));
         let first = first.map_err(|error| {
             let names = model.registers.iter().flat_map(|it| [Some(it.name.as_str()), it.code.as_deref()]).flatten();
             let hint = nearest(wanted, names).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
@@ -182,7 +182,7 @@ impl Shown {
         let value = meaning.unwrap_or(Value::Number(raw, register.scale, register.unit));
         let code = register.code.as_ref().map(|code| format!("{code} ")).unwrap_or_default();
         let label = format!("{code}{}", register.name);
-        Self { label, address: register.address, words: vec![word], value: Some(value) }
+        Self { label, address: register.address.number(), words: vec![word], value: Some(value) }
     }
 
     /// The value: with its unit if its meaning is known, else in decimal and hexadecimal.
@@ -231,7 +231,7 @@ impl ReadRequest {
             Self::Registers(registers) => {
                 let mut values = Vec::with_capacity(registers.len());
                 for register in registers {
-                    match client.read(register.address, 1).await {
+                    match client.read(register.address.number(), 1).await {
                         Ok(words) => values.extend(words.first().map(|word| Shown::of_model(register, *word))),
                         // What the drive does not have must not hide what it has.
                         Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}

@@ -14,5 +14,5 @@ pub fn models_that_run(catalog: &Catalog, address: u16, word: u16) -> Vec<&str> 
 
 /// As the gateway decodes the word too.
 fn runs(model: &Model, address: u16, word: u16) -> bool {
-    matches!(decode::order(model, address, &[word]), Ok(Order::Go(go)) if go.run().is_some())
+    matches!(decode::order(model, address.into(), &[word]), Ok(Order::Go(go)) if go.run().is_some())
 }

@@ -252,8 +252,11 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failur
 
 /// The addressed register; directly on a port also by its name or code.
 fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
-    let named =
-        args.target.model()?.filter(|_| !args.uniform).and_then(|model| Some(model.register_named(register)?.address));
+    let named = args
+        .target
+        .model()?
+        .filter(|_| !args.uniform)
+        .and_then(|model| Some(model.register_named(register)?.address.number()));
     named.map_or_else(|| address(register).map_err(Failure::wrong), Ok)
 }
 
@@ -376,16 +379,16 @@ mod tests {
             let register = model.register_for(Role::RunCommand).unwrap().address;
             let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
             for word in starts {
-                let refused = end_of(register, word, &[]);
+                let refused = end_of(register.number(), word, &[]);
                 assert_eq!(refused.code, crate::cli::failure::WRONG_USAGE, "{}: {}", model.id, refused.message);
                 assert!(refused.message.contains(&model.id), "{}: {}", model.id, refused.message);
                 assert!(refused.message.contains("run forward"), "{}", refused.message);
-                let once = end_of(register, word, &["--once"]);
+                let once = end_of(register.number(), word, &["--once"]);
                 assert!(once.message.contains("cannot connect"), "{}: {}", model.id, once.message);
             }
             let others = [Some(&run.stop), run.coast.as_ref(), run.reset.as_ref(), run.release.as_ref()];
             for word in others.into_iter().flatten().map(|it| it.value) {
-                let sent = end_of(register, word, &[]);
+                let sent = end_of(register.number(), word, &[]);
                 assert!(sent.message.contains("cannot connect"), "{} {word}: {}", model.id, sent.message);
             }
         }
@@ -395,7 +398,7 @@ mod tests {
     fn straight_on_a_port_no_word_is_written_where_commands_are() {
         let catalog = super::super::input::catalog().ok().unwrap();
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
-            let register = model.register_for(Role::RunCommand).unwrap().address;
+            let register = model.register_for(Role::RunCommand).unwrap().address.number();
             let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);
             let word = model.run.as_ref().unwrap().forward.value.to_string();
             let place = ["--port", "/dev/none"];

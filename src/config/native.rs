@@ -117,7 +117,7 @@ fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, 
             problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")
         });
     }
-    model.register_named(text).and_then(|register| listed(model, register.address)).ok_or_else(|| {
+    model.register_named(text).and_then(|register| listed(model, register.address.number())).ok_or_else(|| {
         let labels = model.registers.iter().flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
         let problem = written.location.problem(format!("{} has no register `{text}`", model.id));
         match nearest(text, labels) {

@@ -8,6 +8,7 @@ use crate::daemon::exchange::shared::{Current, Shared};
 use crate::daemon::host::clock;
 use crate::daemon::service::reload_request::{Reloaded, Reloads};
 use crate::daemon::service::stall::Stalls;
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
 use crate::domain::ids::{AskerId, CommanderName, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
@@ -156,8 +157,8 @@ impl LocalSide {
     /// Reads the register at `address` of the drive at `place` now, by an exchange of its own.
     ///
     /// # Errors
-    /// Why there is no word, as the report of a command.
-    pub async fn read(&self, place: DriveRef, address: u16, deadline: MonoTime) -> Result<u16, Report> {
+    /// Why there is no word, as of a command that ended so.
+    pub async fn read(&self, place: DriveRef, address: Address, deadline: MonoTime) -> Result<u16, Report> {
         let ask = NativeAsk::Read { address, count: 1 };
         let request = |ticket| {
             let Who { asker, origin } = Who::TOOL;
@@ -361,15 +362,15 @@ mod tests {
             let outcome = if address == 7 {
                 NativeOutcome::DriveException(2)
             } else {
-                NativeOutcome::Words(vec![address * 10].into())
+                NativeOutcome::Words(vec![address.number() * 10].into())
             };
             vec![News::Native(NativeAnswer { asker, ticket, outcome })]
         };
         let (first, second, third) = with_a_line(&side, line, async {
             tokio::join!(
-                side.read(PLACE, 1, deadline()),
-                side.read(PLACE, 2, deadline()),
-                side.read(PLACE, 7, deadline())
+                side.read(PLACE, 1_u16.into(), deadline()),
+                side.read(PLACE, 2_u16.into(), deadline()),
+                side.read(PLACE, 7_u16.into(), deadline())
             )
         });
         assert_eq!((first, second), (Ok(10), Ok(20)));
@@ -400,14 +401,14 @@ mod tests {
             let Message::Command(CommandRequest { asker, ticket, drive, origin, order, .. }) = message else {
                 panic!("{message:?}")
             };
-            assert_eq!((origin.owner, order), (Owner::Local, Order::Setup(vec![0x0211])));
+            assert_eq!((origin.owner, order), (Owner::Local, Order::Setup(vec![0x0211_u16.into()])));
             let told = |outcome, is_final| {
                 let report = Report::new(outcome, Reason::None);
                 News::Command(CommandAnswer { asker, ticket, drive, report, is_final })
             };
             vec![told(Outcome::Acknowledged, false), told(Outcome::Confirmed, true)]
         };
-        let report = with_a_line(&side, line, side.command(Who::TOOL, PLACE, Order::Setup(vec![0x0211])));
+        let report = with_a_line(&side, line, side.command(Who::TOOL, PLACE, Order::Setup(vec![0x0211_u16.into()])));
         assert_eq!(report.outcome, Outcome::Confirmed);
     }
 
@@ -440,7 +441,7 @@ mod tests {
     fn who_is_not_answered_is_told_so_and_nothing_is_kept_for_him() {
         let side = side();
         let (read, command) = with_a_line(&side, |_| Vec::new(), async {
-            let read = side.read(PLACE, 1, deadline()).await;
+            let read = side.read(PLACE, 1_u16.into(), deadline()).await;
             (read, side.command(Who::TOOL, PLACE, Order::Setup(Vec::new())).await)
         });
         assert_eq!(read.unwrap_err().reason, Reason::NoReply);
@@ -454,8 +455,9 @@ mod tests {
         while side.shared().lines[0].inbox.put(Message::AskerGone(AskerId(1))).is_ok() {}
         let nowhere = DriveRef { line: 9, ..PLACE };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
-        let (full, missing) = runtime
-            .block_on(async { (side.read(PLACE, 1, deadline()).await, side.read(nowhere, 1, deadline()).await) });
+        let (full, missing) = runtime.block_on(async {
+            (side.read(PLACE, 1_u16.into(), deadline()).await, side.read(nowhere, 1_u16.into(), deadline()).await)
+        });
         assert_eq!(full.unwrap_err().reason, Reason::QueueFull);
         assert_eq!(missing.unwrap_err().reason, Reason::NoReply);
     }

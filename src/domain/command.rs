@@ -1,5 +1,6 @@
 //! Commands: who orders what of a drive, until when, and the outcome. One vocabulary for all interfaces.
 
+use super::address::Address;
 use super::frequency::Hertz;
 use super::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use super::native::FRAMES_MAX;
@@ -48,7 +49,7 @@ pub enum Order {
     Release,
     /// Set what the drive needs before it obeys the bus: the registers at these addresses, each to the word that its
     /// model requires.
-    Setup(Vec<u16>),
+    Setup(Vec<Address>),
     /// Take control over from its holder. It moves nothing.
     Take,
     /// Only renew the lease. It is not an attempt to write.
@@ -114,7 +115,7 @@ impl Go {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RegisterWrite {
     /// Address on the wire.
-    pub address: u16,
+    pub address: Address,
     /// The word.
     pub value: u16,
 }
@@ -367,7 +368,7 @@ mod tests {
 
     #[test]
     fn an_order_never_needs_more_than_its_frames() {
-        let registers = |count| vec![RegisterWrite { address: 1, value: 1 }; count];
+        let registers = |count| vec![RegisterWrite { address: 1.into(), value: 1 }; count];
         let setpoint = Some(Hertz::ZERO);
         let run = Some(Direction::Forward);
         assert!(Go::new(registers(Go::REGISTERS_MAX), None, None).is_some());

@@ -1,5 +1,6 @@
 //! The shared vocabulary: time, ids, link settings, requests, reports. It depends on no other room.
 
+pub mod address;
 pub mod buckets;
 pub mod calendar;
 pub mod command;

@@ -1,5 +1,6 @@
 //! Native requests: a client asks for a vendor's registers by their addresses.
 
+use super::address::Address;
 use super::command::{Origin, Outcome, Reason, Report};
 use super::ids::{AskerId, DriveIndex, Ticket};
 use super::time::MonoTime;
@@ -14,14 +15,14 @@ pub enum NativeAsk {
     /// Read `count` (1 to 125) holding registers from `address` on; the range ends at 0xFFFF at the latest.
     Read {
         /// First register.
-        address: u16,
+        address: Address,
         /// Number of words.
         count: u16,
     },
     /// Write `values` (1 to 123) to holding registers from `address` on.
     Write {
         /// First register.
-        address: u16,
+        address: Address,
         /// The words, in order.
         values: Vec<u16>,
     },

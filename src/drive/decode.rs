@@ -1,5 +1,6 @@
 //! Decodes a write to a drive's own registers into an order, so that every way to run a motor is reviewed as such.
 
+use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
 use crate::profile::model::{Model, Role, RunCommand};
@@ -25,14 +26,12 @@ enum RunPart {
 /// A stop or a cut-off in a block takes precedence over everything else in it.
 ///
 /// # Errors
-/// [`Reason::NotListed`] for an address that the model does not list as writable, [`Reason::NotAllowed`] for a
-/// register that selects the source of commands or moves the motor by other means, [`Reason::NotUnderstood`] for a
-/// run value that is not exactly one known command, [`Reason::OutsideRange`] for a word outside the register's
-/// range, [`Reason::Conflict`] for parts that exclude each other.
-pub fn order(model: &Model, address: u16, values: &[u16]) -> Result<Order, Reason> {
-    let mut run = None;
-    let mut frequency = None;
-    let mut registers = Vec::new();
+/// [`Reason::NotListed`] for an address that the model does not know as writable, [`Reason::NotAllowed`] for a register
+/// that decides whom the motor obeys or moves it by another way, [`Reason::NotUnderstood`] for a run value that is not
+/// exactly one known command, [`Reason::OutsideRange`] for a word that the register does not take,
+/// [`Reason::Conflict`] for parts that exclude each other.
+pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, Reason> {
+    let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
     let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
     for (address, value) in addresses.zip(values) {
         match part(model, address, *value)? {
@@ -68,7 +67,7 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direc
     Go::new(registers, frequency, run).map(Order::Go).ok_or(Reason::TooManyFrames)
 }
 
-fn part(model: &Model, address: u16, value: u16) -> Result<DecodedPart, Reason> {
+fn part(model: &Model, address: Address, value: u16) -> Result<DecodedPart, Reason> {
     let register = model.register_at(address).or_else(|| model.stored_twin(address));
     let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
     let is_twin = register.address != address;
@@ -127,7 +126,7 @@ mod tests {
             (0x0101, Err(Reason::NotUnderstood)),
         ];
         for (value, expected) in orders {
-            assert_eq!(order(&model, 0x0002, &[value]), expected, "{value}");
+            assert_eq!(order(&model, 0x0002_u16.into(), &[value]), expected, "{value}");
         }
     }
 
@@ -135,25 +134,25 @@ mod tests {
     fn registers_and_back_doors_are_told_apart() {
         let model = model();
         let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
-        assert_eq!(order(&model, 0x0004, &[6000]), Ok(Order::Go(setpoint)));
-        let ramp = Go::new(vec![RegisterWrite { address: 0x020C, value: 100 }], None, None).unwrap();
-        assert_eq!(order(&model, 0x020C, &[100]), Ok(Order::Go(ramp)));
-        assert_eq!(order(&model, 0x0211, &[3]), Err(Reason::NotAllowed), "F010 frequency source");
-        assert_eq!(order(&model, 0x0212, &[1]), Err(Reason::NotAllowed), "F011 run source");
-        assert_eq!(order(&model, 0x0201, &[6000]), Err(Reason::NotListed), "F001 is not writable");
-        assert_eq!(order(&model, 0x0002, &[1, 0]), Err(Reason::NotListed), "0x0003 is not known");
-        assert_eq!(order(&model, 0x1234, &[1]), Err(Reason::NotListed));
+        assert_eq!(order(&model, 0x0004_u16.into(), &[6000]), Ok(Order::Go(setpoint)));
+        let ramp = Go::new(vec![RegisterWrite { address: 0x020C_u16.into(), value: 100 }], None, None).unwrap();
+        assert_eq!(order(&model, 0x020C_u16.into(), &[100]), Ok(Order::Go(ramp)));
+        assert_eq!(order(&model, 0x0211_u16.into(), &[3]), Err(Reason::NotAllowed), "F010 frequency source");
+        assert_eq!(order(&model, 0x0212_u16.into(), &[1]), Err(Reason::NotAllowed), "F011 run source");
+        assert_eq!(order(&model, 0x0201_u16.into(), &[6000]), Err(Reason::NotListed), "F001 is not writable");
+        assert_eq!(order(&model, 0x0002_u16.into(), &[1, 0]), Err(Reason::NotListed), "0x0003 is not known");
+        assert_eq!(order(&model, 0x1234_u16.into(), &[1]), Err(Reason::NotListed));
     }
     #[test]
     fn a_stored_twin_counts_as_its_register() {
         let mut model = model();
         let exists = crate::drive::testing::fact(15);
-        assert_eq!(order(&model, 0x820C, &[100]), Err(Reason::NotListed), "the model has no twins");
+        assert_eq!(order(&model, 0x820C_u16.into(), &[100]), Err(Reason::NotListed), "the model has no twins");
         model.quirks.stored_alias_bit = Some(exists);
-        let ramp = Go::new(vec![RegisterWrite { address: 0x820C, value: 100 }], None, None).unwrap();
-        assert_eq!(order(&model, 0x820C, &[100]), Ok(Order::Go(ramp)));
+        let ramp = Go::new(vec![RegisterWrite { address: 0x820C_u16.into(), value: 100 }], None, None).unwrap();
+        assert_eq!(order(&model, 0x820C_u16.into(), &[100]), Ok(Order::Go(ramp)));
         for guarded in [0x8002, 0x8004, 0x8211, 0x8212] {
-            assert_eq!(order(&model, guarded, &[1]), Err(Reason::NotAllowed), "{guarded:04X}");
+            assert_eq!(order(&model, guarded.into(), &[1]), Err(Reason::NotAllowed), "{guarded:04X}");
         }
     }
 
@@ -161,14 +160,14 @@ mod tests {
     fn a_back_door_stays_shut_and_a_range_is_kept() {
         let mut model = model();
         for register in model.registers.iter_mut().filter(|register| register.access.can_write()) {
-            match register.address {
+            match register.address.number() {
                 0x020C => register.back_door = Some("another way in".to_owned()),
                 0x020E => register.range = Some(1..=30_000),
                 _ => {}
             }
         }
-        assert_eq!(order(&model, 0x020C, &[100]), Err(Reason::NotAllowed));
-        assert_eq!(order(&model, 0x020E, &[0]), Err(Reason::OutsideRange));
-        assert!(order(&model, 0x020E, &[1]).is_ok());
+        assert_eq!(order(&model, 0x020C_u16.into(), &[100]), Err(Reason::NotAllowed));
+        assert_eq!(order(&model, 0x020E_u16.into(), &[0]), Err(Reason::OutsideRange));
+        assert!(order(&model, 0x020E_u16.into(), &[1]).is_ok());
     }
 }

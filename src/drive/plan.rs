@@ -13,6 +13,7 @@ mod tests;
 pub use groups::{HOLE_MAX, Pace, PollGroup, SLOW_FACTOR, groups};
 pub use phases::PlaceOnLine;
 
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, PollClass};
 use groups::{apart, may_be_read_along};
@@ -61,7 +62,7 @@ struct Entry {
 #[derive(Clone, Copy, Debug, Default)]
 struct Bridges {
     /// The newest read over a hole.
-    last: Option<(u16, u16)>,
+    last: Option<(Address, u16)>,
     are_answered: bool,
     are_refused: bool,
     vain: Vain,
@@ -115,8 +116,8 @@ impl PollPlan {
         }
     }
 
-    /// The drive answered a request; a read of ours covered `count` words from `address` on.
-    pub fn answered(&mut self, address: u16, count: u16) {
+    /// The drive answered a request well; where it was a read of ours, it covered `count` words from `address` on.
+    pub fn answered(&mut self, address: Address, count: u16) {
         self.answers += 1;
         self.bridges.are_answered |= self.bridges.last == Some((address, count));
         for entry in within(&mut self.entries, address, count) {
@@ -126,7 +127,7 @@ impl PollPlan {
     }
 
     /// The drive answered a read of `count` words from `address` on with an exception.
-    pub fn refused(&mut self, address: u16, count: u16, now: MonoTime) {
+    pub fn refused(&mut self, address: Address, count: u16, now: MonoTime) {
         if self.bridges.last == Some((address, count)) {
             self.read_apart(now);
         } else {
@@ -135,7 +136,7 @@ impl PollPlan {
     }
 
     /// The drive was silent on a read of `count` words from `address` on.
-    pub fn unanswered(&mut self, address: u16, count: u16, now: MonoTime) {
+    pub fn unanswered(&mut self, address: Address, count: u16, now: MonoTime) {
         let is_new = self.bridges.last == Some((address, count)) && !self.bridges.are_answered;
         if is_new && self.bridges.vain.again(self.answers) {
             self.read_apart(now);
@@ -152,7 +153,7 @@ impl PollPlan {
         }
     }
 
-    fn was_in_vain(&mut self, address: u16, count: u16, now: MonoTime) {
+    fn was_in_vain(&mut self, address: Address, count: u16, now: MonoTime) {
         let answers = self.answers;
         for entry in within(&mut self.entries, address, count).filter(|entry| !entry.is_trusted) {
             if entry.vain.again(answers) {
@@ -198,8 +199,8 @@ impl PollPlan {
         index: usize,
         now: MonoTime,
         model: &Model,
-        may_go: impl Fn(u16, u16) -> bool,
-    ) -> Option<(u16, u16)> {
+        may_go: impl Fn(Address, u16) -> bool,
+    ) -> Option<(Address, u16)> {
         let Entry { group: mut all, is_trusted, .. } = *self.entries.get(index)?;
         self.sent(index, now);
         let mut has_holes = false;
@@ -219,7 +220,7 @@ impl PollPlan {
         all: &PollGroup,
         now: MonoTime,
         model: &Model,
-        may_go: impl Fn(u16, u16) -> bool,
+        may_go: impl Fn(Address, u16) -> bool,
     ) -> Option<(usize, PollGroup, u16)> {
         let joined = |entry: &Entry| {
             let (address, count, hole) = all.with(&entry.group, model)?;
@@ -258,9 +259,11 @@ impl Entry {
 }
 
 /// The entries that lie within `count` words from `address` on.
-fn within(entries: &mut [Entry], address: u16, count: u16) -> impl Iterator<Item = &mut Entry> {
-    let end = u32::from(address) + u32::from(count);
+fn within(entries: &mut [Entry], address: Address, count: u16) -> impl Iterator<Item = &mut Entry> {
     entries.iter_mut().filter(move |Entry { group, .. }| {
-        group.address >= address && u32::from(group.address) + u32::from(group.count) <= end
+        group
+            .address
+            .offset_from(address)
+            .is_some_and(|offset| u32::from(offset) + u32::from(group.count) <= u32::from(count))
     })
 }

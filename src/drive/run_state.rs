@@ -238,7 +238,7 @@ mod tests {
         ];
         for (word, readings, intent, stopping, state) in cases {
             let mut status = StatusWatch::new(&with_status());
-            status.take(0x2100, &[word]);
+            status.take(0x2100_u16.into(), &[word]);
             let mut watch = OutputWatch::default();
             for raw in readings {
                 watch.take(*raw, MonoTime::ZERO);

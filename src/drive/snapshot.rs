@@ -1,5 +1,6 @@
 //! The last readings of one drive.
 
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use std::collections::BTreeMap;
 
@@ -29,20 +30,20 @@ pub struct Reading {
 pub struct DriveSnapshot {
     /// Whether it answers.
     pub presence: Presence,
-    readings: BTreeMap<u16, Reading>,
+    readings: BTreeMap<Address, Reading>,
 }
 
 impl DriveSnapshot {
     /// The last reading of the register at `address`; `None` if it has not been read.
     #[must_use]
-    pub fn reading(&self, address: u16) -> Option<Reading> {
-        self.readings.get(&address).copied()
+    pub fn reading(&self, address: impl Into<Address>) -> Option<Reading> {
+        self.readings.get(&address.into()).copied()
     }
 
-    /// Stores the words that were read from `address` on and arrived at `at`.
-    pub fn take(&mut self, address: u16, words: &[u16], at: MonoTime) {
-        for (offset, raw) in (0..).zip(words) {
-            self.readings.insert(address.wrapping_add(offset), Reading { raw: *raw, at });
+    /// Takes the words that were read from `address` on and came at `at`.
+    pub fn take(&mut self, address: Address, words: &[u16], at: MonoTime) {
+        for (address, raw) in address.onwards().zip(words) {
+            self.readings.insert(address, Reading { raw: *raw, at });
         }
     }
 }

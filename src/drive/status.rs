@@ -1,6 +1,7 @@
 //! The status flags of a drive, kept from one reading to the next.
 
 use super::view::StatusView;
+use crate::domain::address::Address;
 use crate::profile::model::{Flag, Model, StatusFlag};
 
 /// The flags of one drive as last read.
@@ -16,14 +17,13 @@ impl StatusWatch {
         Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect() }
     }
 
-    /// Takes the words of a read from `address` on. Returns whether they show the motor ordered to run; `None` if they
-    /// do not contain that flag.
-    pub fn take(&mut self, address: u16, words: &[u16]) -> Option<bool> {
+    /// Takes the words that a read from `address` on has brought. Returns whether they show the motor ordered to run;
+    /// nothing if they do not tell.
+    pub fn take(&mut self, address: Address, words: &[u16]) -> Option<bool> {
         let mut running = None;
         for (flag, value) in &mut self.flags {
-            let offset = flag.address.checked_sub(address).map(usize::from);
-            if let Some(word) = offset.and_then(|offset| words.get(offset)) {
-                *value = Some(flag.holds(*word));
+            if let Some(word) = flag.address.word_in(address, words) {
+                *value = Some(flag.holds(word));
                 running = if flag.flag == Flag::Running { *value } else { running };
             }
         }
@@ -68,11 +68,11 @@ mod tests {
     fn a_flag_is_known_once_its_register_was_read() {
         let mut watch = StatusWatch::new(&with_status());
         assert_eq!(watch.get(Flag::Running), None);
-        assert_eq!(watch.take(0x2100, &[0b0101, 7]), Some(true));
+        assert_eq!(watch.take(0x2100_u16.into(), &[0b0101, 7]), Some(true));
         assert_eq!((watch.get(Flag::Running), watch.get(Flag::Reverse)), (Some(true), Some(false)));
-        watch.take(0x20FF, &[0, 0b1010]);
+        watch.take(0x20FF_u16.into(), &[0, 0b1010]);
         assert_eq!((watch.get(Flag::Reverse), watch.get(Flag::Tripped)), (Some(true), Some(true)));
-        assert_eq!(watch.take(0x2101, &[0]), None);
+        assert_eq!(watch.take(0x2101_u16.into(), &[0]), None);
         assert_eq!(watch.get(Flag::Tripped), Some(true), "another register");
         watch.forget();
         assert_eq!(watch.get(Flag::Running), None);
@@ -81,7 +81,7 @@ mod tests {
     #[test]
     fn a_model_without_such_flags_tells_nothing() {
         let mut watch = StatusWatch::new(&model());
-        watch.take(0x0000, &[0xFFFF; 16]);
+        watch.take(0x0000_u16.into(), &[0xFFFF; 16]);
         assert_eq!(watch.get(Flag::Running), None);
     }
 }

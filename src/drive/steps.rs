@@ -1,5 +1,6 @@
 //! Translates an order into a bounded list of steps according to the model.
 
+use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
@@ -16,8 +17,8 @@ pub enum Step {
     /// Read a register before anything is written. The command is refused if its word is outside this range.
     Check {
         /// The register.
-        address: u16,
-        /// Lowest accepted word.
+        address: Address,
+        /// Lowest word that lets the command go on.
         least: u16,
         /// Highest accepted word.
         most: u16,
@@ -32,7 +33,7 @@ pub enum Step {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Write {
     /// The register.
-    pub address: u16,
+    pub address: Address,
     /// The word.
     pub value: u16,
     /// What it does.
@@ -45,8 +46,8 @@ pub struct Write {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Condition {
     /// The register.
-    pub address: u16,
-    /// The relevant bits.
+    pub address: Address,
+    /// The bits that count.
     pub mask: u16,
     /// Masked words.
     pub values: Vec<u16>,
@@ -58,7 +59,7 @@ pub struct Condition {
 
 impl Condition {
     /// The register holds exactly `value`.
-    const fn holds(address: u16, value: Vec<u16>, within: Duration) -> Self {
+    const fn holds(address: Address, value: Vec<u16>, within: Duration) -> Self {
         Self { address, mask: u16::MAX, values: value, is_one: true, within }
     }
 
@@ -160,7 +161,7 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
-pub fn of_stop(model: &Model, coast: bool) -> Result<(u16, u16), NoSteps> {
+pub fn of_stop(model: &Model, coast: bool) -> Result<(Address, u16), NoSteps> {
     let (register, run) = command_register(model)?;
     let value = if coast { run.coast.as_ref().ok_or(NoSteps::NotCapable)?.value } else { run.stop.value };
     Ok((register.address, value))
@@ -186,7 +187,7 @@ pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
 
 /// Whether the model declares that the register at `address` is written by function 10 hex as well as by 06.
 #[must_use]
-pub fn takes_in_a_block(model: &Model, address: u16) -> bool {
+pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
     model.serves(function::WRITE_MULTIPLE)
         && model
             .write
@@ -208,9 +209,9 @@ pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
 /// The steps that set the registers in `addresses` that the drive needs before it obeys the bus, in the model's order.
 ///
 /// # Errors
-/// [`NoSteps::NotCapable`] if the model does not require one of them to be set.
-pub fn of_setup(model: &Model, addresses: &[u16]) -> Result<Vec<Step>, NoSteps> {
-    let item = |address: &u16| model.setup.iter().any(|item| item.address == Some(*address));
+/// [`NoSteps::NotCapable`] if one of them is nothing that the model asks to be set.
+pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSteps> {
+    let item = |address: &Address| model.setup.iter().any(|item| item.address == Some(*address));
     if !addresses.iter().all(item) {
         return Err(NoSteps::NotCapable);
     }
@@ -314,7 +315,7 @@ mod tests {
     }
 
     fn write(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Write {
-        Write { address, value, part, shown }
+        Write { address: address.into(), value, part, shown }
     }
 
     fn one(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Step {
@@ -328,7 +329,7 @@ mod tests {
     #[test]
     fn setpoint_goes_before_run() {
         let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
-        let shown = Condition::holds(0x0201, vec![4250], SHOWN_WITHIN);
+        let shown = Condition::holds(0x0201_u16.into(), vec![4250], SHOWN_WITHIN);
         let setpoint = one(0x0004, 4250, StepPart::Setpoint(hertz(4250)), vec![shown]);
         let run = one(0x0002, 1, StepPart::Run(Direction::Forward), vec![]);
         assert_eq!(of_go(&model(), &go, &control(), None).unwrap(), [setpoint, run]);
@@ -339,14 +340,14 @@ mod tests {
         let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
         let steps = of_go(&with_block(), &go, &control(), None).unwrap();
         let [Step::Write(writes)] = &steps[..] else { panic!("{steps:?}") };
-        let words: Vec<_> = writes.iter().map(|write| (write.address, write.value)).collect();
+        let words: Vec<_> = writes.iter().map(|write| (write.address.number(), write.value)).collect();
         assert_eq!(words, [(0x0002, 1), (0x0003, 4250)]);
     }
 
     #[test]
     fn run_alone_looks_at_the_drives_own_setting_first() {
         let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
-        let check = Step::Check { address: 0x0201, least: 500, most: 5000 };
+        let check = Step::Check { address: 0x0201_u16.into(), least: 500, most: 5000 };
         let run = one(0x0002, 2, StepPart::Run(Direction::Reverse), vec![]);
         assert_eq!(of_go(&model(), &go, &control(), Some(hertz(3000))).unwrap(), [check, run]);
     }
@@ -372,16 +373,16 @@ mod tests {
 
     #[test]
     fn a_register_is_read_back() {
-        let ramp = RegisterWrite { address: 0x020C, value: 100 };
+        let ramp = RegisterWrite { address: 0x020C_u16.into(), value: 100 };
         let steps = of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control(), None).unwrap();
-        let shown = Condition::holds(0x020C, vec![100], Duration::ZERO);
+        let shown = Condition::holds(0x020C_u16.into(), vec![100], Duration::ZERO);
         assert_eq!(steps, [one(0x020C, 100, StepPart::Register, vec![shown])]);
     }
 
     #[test]
     fn a_reset_never_carries_a_run_order() {
         let reset = |value, ends, shown| one(0x0002, value, StepPart::Reset { ends, is_seen: false }, shown);
-        let still = Condition::holds(0x0101, vec![0], Duration::ZERO);
+        let still = Condition::holds(0x0101_u16.into(), vec![0], Duration::ZERO);
         let expected = [reset(0, false, vec![]), reset(4, false, vec![]), reset(0, true, vec![still])];
         assert_eq!(of_reset(&model()).unwrap(), expected);
     }
@@ -389,11 +390,11 @@ mod tests {
     #[test]
     fn only_what_the_model_asks_for_is_set_up() {
         let mut model = model();
-        assert_eq!(of_setup(&model, &[0x020C]), Err(NoSteps::NotCapable));
+        assert_eq!(of_setup(&model, &[0x020C_u16.into()]), Err(NoSteps::NotCapable));
         model.setup = crate::drive::testing::setup();
-        let steps = of_setup(&model, &[0x0212, 0x0211]).unwrap();
+        let steps = of_setup(&model, &[0x0212_u16.into(), 0x0211_u16.into()]).unwrap();
         let words = steps.iter().map(|step| match step {
-            Step::Write(writes) => (writes[0].address, writes[0].value),
+            Step::Write(writes) => (writes[0].address.number(), writes[0].value),
             other => panic!("{other:?}"),
         });
         assert_eq!(words.collect::<Vec<_>>(), [(0x0211, 3), (0x0212, 3)], "in the model's order");

@@ -38,7 +38,8 @@ pub fn fact<T>(value: T) -> Fact<T> {
 pub fn with_status() -> Model {
     let mut model = model();
     let output = model.register_for(Role::OutputFrequency).cloned().expect("an output frequency");
-    let status = Register { name: "status".to_owned(), code: None, address: 0x2100, scale: 1, role: None, ..output };
+    let status =
+        Register { name: "status".to_owned(), code: None, address: 0x2100_u16.into(), scale: 1, role: None, ..output };
     model.registers.push(status);
     model.registers.sort_by_key(|register| register.address);
     let flags = [(Flag::Running, 1), (Flag::Reverse, 2), (Flag::Ready, 4), (Flag::Tripped, 8)];
@@ -47,14 +48,8 @@ pub fn with_status() -> Model {
 }
 
 fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
-    StatusFlag {
-        flag,
-        address: 0x2100,
-        mask,
-        values: vec![mask],
-        confidence: Confidence::Manual,
-        source: "IM 1".to_owned(),
-    }
+    let (confidence, source) = (Confidence::Manual, "IM 1".to_owned());
+    StatusFlag { flag, address: 0x2100_u16.into(), mask, values: vec![mask], confidence, source }
 }
 
 /// The first built-in model with its frequency command after its run command, both to be written in one frame.
@@ -62,10 +57,10 @@ pub fn with_block() -> Model {
     let mut model = model();
     for register in &mut model.registers {
         if register.role == Some(Role::FrequencyCommand) {
-            register.address = 0x0003;
+            register.address = 0x0003_u16.into();
         }
     }
-    model.write.block = Some(BlockWrite { address: 0x0002, count: fact(2) });
+    model.write.block = Some(BlockWrite { address: 0x0002_u16.into(), count: fact(2) });
     model
 }
 
@@ -74,7 +69,7 @@ pub fn setup() -> Vec<SetupItem> {
     let item = |(what, address): (&str, u16)| SetupItem {
         what: what.to_owned(),
         text: "communication".to_owned(),
-        address: Some(address),
+        address: Some(address.into()),
         values: fact(vec![3]),
         interface: None,
     };

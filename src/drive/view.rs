@@ -2,6 +2,7 @@
 
 use super::snapshot::{DriveSnapshot, Presence};
 use super::watchdog::WatchdogView;
+use crate::domain::address::Address;
 use crate::domain::command::{Owner, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -146,8 +147,8 @@ pub struct TripRecord {
     pub at: MonoTime,
     /// The vendor's number of the cause; `None` if the record could not be read.
     pub code: Option<u16>,
-    /// The words of the record: register address and word.
-    pub words: Vec<(u16, u16)>,
+    /// The words of the record by the names of their registers, each with its scale and unit in the model.
+    pub words: Vec<(Address, u16)>,
 }
 
 /// A trip or its clearing.

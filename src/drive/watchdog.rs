@@ -1,5 +1,6 @@
 //! The drive's own communication watchdog, and whether its setting matches the configuration.
 
+use crate::domain::address::Address;
 use crate::profile::model::Model;
 use std::sync::Arc;
 use std::time::Duration;
@@ -101,12 +102,11 @@ impl WatchdogWatch {
         Self { model, range, time: None, action: None, last_time: None }
     }
 
-    /// Takes the words of a read from `address` on. Returns the state if it has changed.
-    pub fn take(&mut self, address: u16, words: &[u16]) -> Option<WatchdogState> {
+    /// Takes the words that a read from `address` on has brought. Returns the state if that is another one now.
+    pub fn take(&mut self, address: Address, words: &[u16]) -> Option<WatchdogState> {
         let watchdog = self.model.watchdog.as_ref()?;
-        let word_at = |wanted: u16| words.get(usize::from(wanted.checked_sub(address)?)).copied();
-        let time = word_at(watchdog.time);
-        let action = watchdog.action.and_then(word_at);
+        let word_at = |wanted: Address| wanted.word_in(address, words);
+        let (time, action) = (word_at(watchdog.time), watchdog.action.and_then(word_at));
         if time.is_none() && action.is_none() {
             return None;
         }
@@ -174,14 +174,9 @@ mod tests {
 
     fn watched() -> Arc<Model> {
         let mut model = model();
-        model.watchdog = Some(Watchdog {
-            time: TIME,
-            off: fact(0),
-            action: Some(ACTION),
-            action_digit: None,
-            keeps_running: vec![3],
-            stops: vec![0, 1],
-        });
+        let (keeps_running, stops) = (vec![3], vec![0, 1]);
+        let (action, action_digit) = (Some(ACTION.into()), None);
+        model.watchdog = Some(Watchdog { time: TIME.into(), off: fact(0), action, action_digit, keeps_running, stops });
         for register in model.registers.iter_mut().filter(|register| register.address == TIME) {
             register.unit = UnitOfMeasure::Second;
             register.scale = 10;
@@ -209,8 +204,8 @@ mod tests {
             let mut watch = WatchdogWatch::new(watched(), range());
             assert_eq!(watch.view().unwrap().state, WatchdogState::Unknown);
             let told = Some(state).filter(|it| *it != WatchdogState::Unknown);
-            assert_eq!(watch.take(TIME, &[time, 0, 0, action]), told, "{time} {action}");
-            assert_eq!(watch.take(TIME, &[time, 0, 0, action]), None, "told once");
+            assert_eq!(watch.take(TIME.into(), &[time, 0, 0, action]), told, "{time} {action}");
+            assert_eq!(watch.take(TIME.into(), &[time, 0, 0, action]), None, "told once");
             let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
             assert_eq!(watch.stops_after().is_some(), stops, "{time} {action}");
         }
@@ -232,7 +227,7 @@ mod tests {
                 watchdog.keeps_running = vec![2];
             }
             let mut watch = WatchdogWatch::new(Arc::new(model), range());
-            watch.take(TIME, &[20, 0, 0, word]);
+            watch.take(TIME.into(), &[20, 0, 0, word]);
             assert_eq!(watch.view().unwrap().state, state, "{word}");
         }
     }
@@ -240,25 +235,25 @@ mod tests {
     #[test]
     fn half_of_it_tells_nothing() {
         let mut watch = WatchdogWatch::new(watched(), range());
-        assert_eq!(watch.take(TIME, &[20]), None, "it may keep the motor running");
-        assert_eq!(watch.take(0x0100, &[20]), None, "another register");
-        assert_eq!(watch.take(ACTION, &[1]), Some(WatchdogState::InOrder));
+        assert_eq!(watch.take(TIME.into(), &[20]), None, "it may keep the motor running");
+        assert_eq!(watch.take(0x0100_u16.into(), &[20]), None, "another register");
+        assert_eq!(watch.take(ACTION.into(), &[1]), Some(WatchdogState::InOrder));
     }
 
     #[test]
     fn a_drive_out_of_sight_has_a_watchdog_that_was_read_and_is_not_shown() {
         let mut watch = WatchdogWatch::new(watched(), range());
-        watch.take(TIME, &[20, 0, 0, 1]);
+        watch.take(TIME.into(), &[20, 0, 0, 1]);
         watch.forget();
         assert_eq!(watch.view().unwrap(), WatchdogView { is_proven: true, ..WatchdogView::default() });
         assert_eq!(watch.stops_after(), Some(Duration::from_secs(2)));
-        watch.take(TIME, &[0, 0, 0, 1]);
+        watch.take(TIME.into(), &[0, 0, 0, 1]);
         assert_eq!(watch.stops_after(), None);
     }
 
     #[test]
     fn a_model_without_one_shows_none() {
         let mut watch = WatchdogWatch::new(Arc::new(model()), range());
-        assert_eq!((watch.take(0, &[1; 100]), watch.view()), (None, None));
+        assert_eq!((watch.take(0_u16.into(), &[1; 100]), watch.view()), (None, None));
     }
 }

@@ -3,6 +3,7 @@
 use super::core::LineCore;
 use super::drive::DriveOnLine;
 use super::waiter::Waiter;
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
@@ -57,7 +58,7 @@ impl LineCore {
         &mut self,
         now: MonoTime,
         request: &NativeRequest,
-        address: u16,
+        address: Address,
         count: u16,
     ) -> Result<(), NativeOutcome> {
         let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
@@ -104,7 +105,7 @@ impl LineCore {
         &mut self,
         now: MonoTime,
         request: &NativeRequest,
-        address: u16,
+        address: Address,
         values: &[u16],
     ) -> Result<(), NativeOutcome> {
         let NativeRequest { asker, ticket, drive, origin, deadline, .. } = *request;
@@ -119,7 +120,7 @@ impl LineCore {
         Ok(())
     }
 
-    fn order_of(&self, drive: DriveIndex, address: u16, values: &[u16]) -> Result<Order, Reason> {
+    fn order_of(&self, drive: DriveIndex, address: Address, values: &[u16]) -> Result<Order, Reason> {
         let DriveOnLine { setup, work, .. } = self.drives.get(drive).ok_or(Reason::UnknownDrive)?;
         work.guard().control().ok_or(Reason::ReadOnly)?;
         decode::order(&setup.model, address, values)
@@ -151,8 +152,8 @@ fn refused(refusal: Refusal) -> NativeOutcome {
     NativeOutcome::Refused(refusal)
 }
 
-/// Splits a read into frames within the model's limit and group boundaries; `None` if it needs too many.
-fn frames_of(model: &Model, mut address: u16, mut count: u16) -> Option<Vec<(u16, u16)>> {
+/// Cuts a read into frames within the model's limit and group boundaries; nothing if it needs too many.
+fn frames_of(model: &Model, mut address: Address, mut count: u16) -> Option<Vec<(Address, u16)>> {
     let mut frames = Vec::with_capacity(1);
     while count > 0 {
         if frames.len() == FRAMES_MAX {

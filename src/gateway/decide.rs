@@ -202,10 +202,10 @@ impl LineCore {
     fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
         let DuePoll { drive, index, group } = poll;
         let DriveOnLine { station, plan, setup, .. } = &mut self.drives[drive];
-        let may_go = |address, count| now >= station.unmistakable_at(&Request::ReadHolding { address, count });
+        let may_go = |address, count| now >= station.unmistakable_at(&Request::Read { address, count });
         let taken = plan.take(index, now, &setup.model, may_go);
         let (address, count) = taken.unwrap_or((group.address, group.count));
-        (drive, Request::ReadHolding { address, count }, Purpose::Poll)
+        (drive, Request::Read { address, count }, Purpose::Poll)
     }
 
     /// When a frame may be sent. During babble there is no wait for silence.
@@ -272,5 +272,5 @@ pub(super) const fn is_stop(rank: Rank) -> bool {
 }
 
 pub(super) fn poll_request(group: PollGroup) -> Request {
-    Request::ReadHolding { address: group.address, count: group.count }
+    Request::Read { address: group.address, count: group.count }
 }

@@ -5,6 +5,7 @@ use super::measured::DriveMeasured;
 use super::outbox::Outbox;
 use super::setup::{DriveSetup, LineSetup};
 use super::work::{DriveWork, Rank, Reading, Want};
+use crate::domain::address::Address;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
@@ -165,8 +166,8 @@ impl DriveOnLine {
     /// Lets the plan learn which registers the drive answers for.
     pub(super) fn tell_plan(&mut self, now: MonoTime, request: &Request, ending: &Ending) {
         let (address, count) = match request {
-            Request::ReadHolding { address, count } => (*address, *count),
-            _ => (0, 0),
+            Request::Read { address, count } => (*address, *count),
+            _ => (Address::default(), 0),
         };
         let plan = &mut self.plan;
         match ending {
@@ -177,10 +178,16 @@ impl DriveOnLine {
         }
     }
 
-    /// Words read from the drive: the snapshot takes the polled ones, the drive's own work the rest.
-    pub(super) fn take_words(&mut self, now: MonoTime, read_at: MonoTime, read: (u16, &[u16]), effects: &mut Outbox) {
+    /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
+    pub(super) fn take_words(
+        &mut self,
+        now: MonoTime,
+        read_at: MonoTime,
+        read: (Address, &[u16]),
+        effects: &mut Outbox,
+    ) {
         let (address, words) = read;
-        for (address, word) in (address..=u16::MAX).zip(words) {
+        for (address, word) in address.onwards().zip(words) {
             if let Some(class) = self.setup.model.register_at(address).and_then(|register| register.poll) {
                 if class == PollClass::Fast
                     && let Some(last) = self.snapshot.reading(address)

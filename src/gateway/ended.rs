@@ -68,8 +68,7 @@ impl LineCore {
             reply_bytes: self.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
         };
         if let Purpose::Work(_) | Purpose::Poll = purpose
-            && let (Request::ReadHolding { address, .. }, Ending::Reply(Reply::Words(words))) =
-                (&exchange.request, &ending)
+            && let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (&exchange.request, &ending)
         {
             // What a process finds after it was suspended had arrived in time.
             let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);

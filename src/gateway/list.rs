@@ -138,7 +138,7 @@ impl List {
         let request = match self.stage {
             Stage::Step(index) => self.approved.request(index)?,
             Stage::ReadBack(index, shown) | Stage::Resolve(index, shown) => {
-                Request::ReadHolding { address: self.condition(index, shown)?.address, count: 1 }
+                Request::Read { address: self.condition(index, shown)?.address, count: 1 }
             }
             Stage::Done => return None,
         };

@@ -12,7 +12,7 @@ use crate::wire::pdu::Request;
 impl LineCore {
     /// Whether a wish is a write that waits until a read has shown whether the line echoes. A stop never does.
     pub(super) fn needs_probe(&self, want: &Want) -> bool {
-        let is_write = !matches!(want.request, Request::ReadHolding { .. });
+        let is_write = !matches!(want.request, Request::Read { .. });
         self.echo.known() == LocalEcho::Unknown && is_write && !is_stop(want.rank)
     }
 
@@ -46,7 +46,7 @@ impl LineCore {
             .find(is_clear)
             .or_else(|| reads().next())
             .map(|(drive, request)| (drive.index, request))
-            .unwrap_or((drive, Request::ReadHolding { address: 0, count: 1 }));
+            .unwrap_or((drive, Request::read(0, 1)));
         (drive, request, Purpose::Probe)
     }
 }

@@ -1,5 +1,6 @@
 //! Approved work for the line. Private fields, no copies: one approval is one list of frames, sent once.
 
+use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{Step, Write};
@@ -77,7 +78,7 @@ impl Approved {
                     Some(Request::WriteMultiple { address: first.address, values })
                 }
             },
-            Step::Check { address, .. } => Some(Request::ReadHolding { address: *address, count: 1 }),
+            Step::Check { address, .. } => Some(Request::Read { address: *address, count: 1 }),
             Step::Rest(_) => None,
         }
     }
@@ -86,7 +87,7 @@ impl Approved {
 /// A stop or a cut-off approved for the line, repeatedly until it is effective.
 #[derive(Debug, PartialEq, Eq)]
 pub struct StopOrder {
-    pub(super) address: u16,
+    pub(super) address: Address,
     pub(super) value: u16,
     pub(super) coast: bool,
     /// The model declares that function 10 hex writes its register as well.

@@ -3,6 +3,7 @@
 use super::approved::Approved;
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
@@ -106,7 +107,7 @@ impl DriveGuard {
     pub(super) fn review_setup(
         &mut self,
         command: &CommandRequest,
-        addresses: &[u16],
+        addresses: &[Address],
         facts: &Facts,
         now: MonoTime,
     ) -> Result<Verdict, Report> {

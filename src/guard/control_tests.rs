@@ -108,7 +108,7 @@ fn a_parameter_that_a_controller_sets_is_no_sign_of_life() {
         let start = CommandRequest { epoch: Some(guard.epoch()), ..command(owner, run(Direction::Forward)) };
         reviewed(&mut guard, &start).unwrap();
         let later = NOW + Duration::from_secs(1);
-        assert!(matches!(at(&mut guard, owner, register(RAMP, 1), &RUNNING, later), Ok(Verdict::Go(_))));
+        assert!(matches!(at(&mut guard, owner, register(RAMP.into(), 1), &RUNNING, later), Ok(Verdict::Go(_))));
         let renewed_at = if renews { later } else { NOW };
         assert_eq!(guard.lease(), Some((owner.owner, renewed_at + LEASE)));
     }
@@ -161,7 +161,7 @@ fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
     }
     let mut guard = guard_of(model(), control());
     assert!(matches!(at(&mut guard, mqtt(), STOP, &local, NOW), Ok(Verdict::Stop(_))));
-    let ramp = at(&mut guard_of(model(), control()), mqtt(), register(RAMP, 50), &local, NOW);
+    let ramp = at(&mut guard_of(model(), control()), mqtt(), register(RAMP.into(), 50), &local, NOW);
     assert!(ramp.is_ok(), "a parameter moves nothing");
 }
 
@@ -189,11 +189,12 @@ fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
         let mut kept = model();
         kept.registers.iter_mut().find(|register| register.address == RAMP).unwrap().memory = memory;
         let mut guard = guard_of(kept.clone(), ControlSettings { stored_write_interval: interval, ..control() });
-        let mut write = |value, time| at(&mut guard, mqtt(), register(RAMP, value), &RESTING, NOW + time).map(drop);
+        let mut write =
+            |value, time| at(&mut guard, mqtt(), register(RAMP.into(), value), &RESTING, NOW + time).map(drop);
         assert_eq!(write(50, Duration::ZERO), Ok(()));
         assert_eq!(write(60, interval - Duration::from_millis(1)), told, "{memory:?}");
         assert_eq!(write(60, interval * 2), Ok(()));
-        let twice = [50, 60].map(|value| crate::domain::command::RegisterWrite { address: RAMP, value });
+        let twice = [50, 60].map(|value| crate::domain::command::RegisterWrite { address: RAMP.into(), value });
         let twice = Order::Go(Go::new(twice.to_vec(), None, None).unwrap());
         assert_eq!(at(&mut guard_of(kept, control()), mqtt(), twice, &RESTING, NOW).map(drop), told, "in one order");
     }
@@ -202,9 +203,9 @@ fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
 #[test]
 fn another_register_is_not_held_up() {
     let mut guard = guard_of(model(), control());
-    assert!(at(&mut guard, mqtt(), register(RAMP, 50), &RESTING, NOW).is_ok());
-    assert!(at(&mut guard, mqtt(), register(0x020E, 50), &RESTING, NOW).is_ok());
-    assert_eq!(at(&mut guard, plc(1), register(RAMP, 50), &RESTING, NOW).unwrap_err(), Reason::WrittenTooOften);
+    assert!(at(&mut guard, mqtt(), register(RAMP.into(), 50), &RESTING, NOW).is_ok());
+    assert!(at(&mut guard, mqtt(), register(0x020E_u16.into(), 50), &RESTING, NOW).is_ok());
+    assert_eq!(at(&mut guard, plc(1), register(RAMP.into(), 50), &RESTING, NOW).unwrap_err(), Reason::WrittenTooOften);
 }
 
 #[test]
@@ -216,7 +217,7 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
         register.range = Some(0..=255);
     }
     watched.watchdog = Some(Watchdog {
-        time: RAMP,
+        time: RAMP.into(),
         off: fact(0),
         action: None,
         action_digit: None,
@@ -230,7 +231,7 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
         assert_eq!(holder(&guard), None, "it takes no control");
         verdict
     };
-    assert!(matches!(judged(local, register(RAMP, 50), &RESTING), Ok(Verdict::Go(_))));
+    assert!(matches!(judged(local, register(RAMP.into(), 50), &RESTING), Ok(Verdict::Go(_))));
     for (origin, value, facts, reason) in [
         (local, 50, RUNNING, Reason::Moving),
         (local, 50, Facts { stop_pending: true, ..RESTING }, Reason::StopPending),
@@ -238,11 +239,11 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
         (mqtt(), 50, RESTING, Reason::NotAllowed),
         (plc(1), 50, RESTING, Reason::NotAllowed),
     ] {
-        assert_eq!(judged(origin, register(RAMP, value), &facts).unwrap_err(), reason, "{origin:?} {value}");
+        assert_eq!(judged(origin, register(RAMP.into(), value), &facts).unwrap_err(), reason, "{origin:?} {value}");
     }
     let mut guard = guard_of(watched.clone(), control());
     assert_eq!(reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))), Ok(()));
-    let held = at(&mut guard, local, register(RAMP, 50), &RESTING, NOW).unwrap_err();
+    let held = at(&mut guard, local, register(RAMP.into(), 50), &RESTING, NOW).unwrap_err();
     assert_eq!(held, Reason::OtherOwner);
 }
 
@@ -271,12 +272,12 @@ fn a_parameter_is_written_back_by_the_gateways_own_tool_at_standstill_listed_or_
         (&released, local, FREQUENCY_SOURCE, 1, RESTING, Ok(())),
     ] {
         let mut guard = guard_of(doors.clone(), settings.clone());
-        let verdict = at(&mut guard, origin, register(address, value), &facts, NOW);
+        let verdict = at(&mut guard, origin, register(address.into(), value), &facts, NOW);
         assert_eq!(verdict.map(drop), told, "{origin:?} {address:04X}");
         assert_eq!(holder(&guard), None, "it takes no control");
     }
     let mut guard = guard_of(doors, unlisted);
-    assert!(at(&mut guard, local, register(RAMP, 50), &RESTING, NOW).is_ok());
-    let again = at(&mut guard, local, register(RAMP, 60), &RESTING, NOW).unwrap_err();
+    assert!(at(&mut guard, local, register(RAMP.into(), 50), &RESTING, NOW).is_ok());
+    let again = at(&mut guard, local, register(RAMP.into(), 60), &RESTING, NOW).unwrap_err();
     assert_eq!(again, Reason::WrittenTooOften, "a stored register wears out");
 }

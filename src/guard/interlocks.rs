@@ -1,5 +1,6 @@
 //! History of one drive that limits how often it is started and written.
 
+use crate::domain::address::Address;
 use crate::domain::command::RegisterWrite;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
@@ -9,8 +10,8 @@ use std::time::Duration;
 #[derive(Debug, Default)]
 pub(super) struct Interlocks {
     started_at: Option<MonoTime>,
-    /// When a write to each stored register was last approved; bounded by the list of writable registers.
-    written: Vec<(u16, MonoTime)>,
+    /// When each stored register was last approved; no more than are listed as writable.
+    written: Vec<(Address, MonoTime)>,
 }
 
 impl Interlocks {
@@ -35,7 +36,7 @@ impl Interlocks {
     }
 
     /// Whether the stored register at `address` was written within `interval`.
-    pub fn was_written_within(&self, interval: Duration, address: u16, now: MonoTime) -> bool {
+    pub fn was_written_within(&self, interval: Duration, address: Address, now: MonoTime) -> bool {
         self.written.iter().any(|(written, at)| *written == address && now.since(*at) < interval)
     }
 }

@@ -18,7 +18,7 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Result<(), Report> {
         let may = |write: &RegisterWrite| {
-            if !control.native_write.contains(&write.address) {
+            if !control.native_write.iter().any(|number| write.address == *number) {
                 return Err(Reason::NotListed);
             }
             decode::register(&self.model, *write)?;

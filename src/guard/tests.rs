@@ -1,6 +1,7 @@
 //! Reviews that need a model or a moment that no simulated drive provides.
 
 use super::*;
+use crate::domain::address::Address;
 use crate::domain::command::{
     CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite, Report, Rights,
     RunIntent,
@@ -233,7 +234,7 @@ fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
     }
 }
 
-pub(super) fn register(address: u16, value: u16) -> Order {
+pub(super) fn register(address: Address, value: u16) -> Order {
     Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).unwrap())
 }
 
@@ -264,13 +265,13 @@ fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
         (0x020C, 0, Reason::OutsideRange),
     ] {
         let mut guard = guard_of(with_door.clone(), everything.clone());
-        let told = reviewed(&mut guard, &command(mqtt(), register(address, value)));
+        let told = reviewed(&mut guard, &command(mqtt(), register(address.into(), value)));
         assert_eq!(told, Err((Outcome::Refused, reason)), "{address:04X}");
     }
     let mut guard = guard_of(with_door.clone(), everything);
-    assert_eq!(reviewed(&mut guard, &command(mqtt(), register(0x020C, 100))), Ok(()));
+    assert_eq!(reviewed(&mut guard, &command(mqtt(), register(0x020C_u16.into(), 100))), Ok(()));
     let mut unlisted = guard_of(with_door, ControlSettings { native_write: Vec::new(), ..control() });
-    let told = reviewed(&mut unlisted, &command(mqtt(), register(0x020C, 100)));
+    let told = reviewed(&mut unlisted, &command(mqtt(), register(0x020C_u16.into(), 100)));
     assert_eq!(told, Err((Outcome::Refused, Reason::NotListed)));
 }
 
@@ -309,7 +310,7 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
     able.run.as_mut().unwrap().release = Some(fact(9));
     able.setup = setup();
     let settings = ControlSettings { allow_release: true, ..control() };
-    let addresses = || Order::Setup(vec![0x0211]);
+    let addresses = || Order::Setup(vec![0x0211_u16.into()]);
     for order in [Order::Release, addresses()] {
         for (facts, reason) in [
             (Facts { at_standstill: false, ..RESTING }, Reason::Moving),

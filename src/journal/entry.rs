@@ -1,6 +1,7 @@
 //! Journal entries: attempts to write and their outcomes, trips, leases, stops, availability.
 
 use super::remembered::TripBaseline;
+use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner, Report};
 use crate::domain::control::FailSafe;
 use crate::domain::ids::DriveIndex;
@@ -127,7 +128,7 @@ pub enum Tried {
     /// Registers of the drive that are no order, from this address on.
     Registers {
         /// Address of the first on the wire.
-        address: u16,
+        address: Address,
         /// Their words.
         values: Vec<u16>,
     },

@@ -238,7 +238,8 @@ fn what_is_open_and_what_is_shared_is_bounded() {
 #[test]
 fn a_trip_is_worded_once_and_changes_what_is_remembered() {
     let mut rig = Rig::default();
-    let record = TripRecord { at: at(90), code: Some(1), words: vec![(0x0111, 250), (0xEEEE, 7)] };
+    let record =
+        TripRecord { at: at(90), code: Some(1), words: vec![(0x0111_u16.into(), 250), (0xEEEE_u16.into(), 7)] };
     let baseline = TripBaseline { count: Some(3), held: Some(true), code: Some(1) };
     let tripped =
         TripEvent { kind: TripEventKind::Tripped { trips: 2, record }, count: Some(3), at: at(100), while_away: true };

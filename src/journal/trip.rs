@@ -1,5 +1,6 @@
 //! Trips as JSON: the published body of an event, and a record by the names of its registers.
 
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
@@ -40,9 +41,9 @@ pub const fn kind(kind: &TripEventKind) -> &'static str {
 /// A trip record, by the names of its registers.
 #[must_use]
 pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) -> Map<String, Value> {
-    let value = |(address, word): &(u16, u16)| match drive.model.register_at(*address) {
+    let value = |(address, word): &(Address, u16)| match drive.model.register_at(*address) {
         Some(register) => (register.name.clone(), with_unit(register, *word)),
-        None => (format!("0x{address:04X}"), json!({ "value": word, "unit": null })),
+        None => (address.to_string(), json!({ "value": word, "unit": null })),
     };
     let values: Map<_, _> = record.words.iter().map(value).collect();
     let text = record.code.and_then(|code| text(drive, code));

@@ -1,6 +1,7 @@
 //! Orders and owners as text, for people and for JSON.
 
 use super::entry::Tried;
+use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Order, Owner};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::CommanderName;
@@ -14,7 +15,8 @@ pub fn tried(tried: &Tried) -> String {
     match tried {
         Tried::Order(order) => self::order(order),
         Tried::Registers { address, values } => {
-            let addresses = std::iter::successors(Some(*address), |address| Some(address.wrapping_add(1)));
+            let addresses =
+                std::iter::successors(Some(*address), |address| Some(address.at(address.number().wrapping_add(1))));
             joined(addresses.zip(values).map(|(address, value)| register(address, *value)))
         }
         Tried::Text(text) => text.chars().take(TEXT_CHARS_MAX).collect(),
@@ -30,7 +32,7 @@ fn order(order: &Order) -> String {
         Order::Go(go) => self::go(go),
         Order::Release => "release".to_owned(),
         Order::Setup(addresses) => {
-            format!("setup {}", joined(addresses.iter().map(|address| format!("0x{address:04X}"))))
+            format!("setup {}", joined(addresses.iter().map(|address| address.to_string())))
         }
         Order::Take => "take".to_owned(),
         Order::Renew => "renew".to_owned(),
@@ -51,8 +53,8 @@ fn hertz(frequency: Hertz) -> String {
     format!("{frequency} Hz")
 }
 
-fn register(address: u16, value: u16) -> String {
-    format!("0x{address:04X} = {value}")
+fn register(address: Address, value: u16) -> String {
+    format!("{address} = {value}")
 }
 
 fn joined(parts: impl Iterator<Item = String>) -> String {
@@ -100,9 +102,9 @@ mod tests {
             (Tried::Order(Order::Stop { setpoint: None }), "stop"),
             (Tried::Order(Order::Stop { setpoint: thirty }), "stop, 30.00 Hz"),
             (go(Vec::new(), thirty, Some(Direction::Reverse)), "30.00 Hz, run reverse"),
-            (go(vec![RegisterWrite { address: 12, value: 100 }], None, None), "0x000C = 100"),
-            (Tried::Registers { address: 0xFFFF, values: vec![1, 2] }, "0xFFFF = 1, 0x0000 = 2"),
-            (Tried::Order(Order::Setup(vec![1, 0x0211])), "setup 0x0001, 0x0211"),
+            (go(vec![RegisterWrite { address: 12_u16.into(), value: 100 }], None, None), "0x000C = 100"),
+            (Tried::Registers { address: 0xFFFF_u16.into(), values: vec![1, 2] }, "0xFFFF = 1, 0x0000 = 2"),
+            (Tried::Order(Order::Setup(vec![1_u16.into(), 0x0211_u16.into()])), "setup 0x0001, 0x0211"),
             (Tried::Text("ü".repeat(300)), &"ü".repeat(200)),
         ];
         for (tried, text) in table {

@@ -143,7 +143,7 @@ fn proof_at_first(barrier: &Barrier) -> Proof {
 /// The request of `barrier`; `None` for a loop test on a line where its answer proves nothing.
 fn request(barrier: &Barrier, echo: LocalEcho, nonce: u16) -> Option<Request> {
     match barrier {
-        Barrier::Read(read) => Some(Request::ReadHolding { address: read.address, count: read.count }),
+        Barrier::Read(read) => Some(Request::Read { address: read.address, count: read.count }),
         Barrier::Loop(_) => (echo == LocalEcho::Excluded).then_some(Request::Loopback { data: nonce }),
         Barrier::Refused(fact) => Some(Request::Unserved { function: fact.value, data: nonce }),
     }
@@ -203,7 +203,8 @@ mod tests {
             Barrier::Refused(fact(8, Confidence::Inferred)),
             Barrier::Refused(fact(8, Confidence::Manual)),
         ] {
-            let mut barriers = barriers(vec![Barrier::Read(BarrierRead { address: 1, count: 1 }), barrier.clone()]);
+            let mut barriers =
+                barriers(vec![Barrier::Read(BarrierRead { address: 1_u16.into(), count: 1 }), barrier.clone()]);
             let echo = LocalEcho::Excluded;
             assert_eq!(count(&barriers, echo), 1, "{barrier:?}");
             assert_eq!(barriers.to_try(echo, 7), None, "the drive is not there yet");

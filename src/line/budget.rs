@@ -293,7 +293,7 @@ mod tests {
     #[test]
     fn a_missing_reply_costs_a_barrier_or_the_longest_lateness() {
         let with = |barriers| model(|model| model.barriers = barriers);
-        let read = with(vec![Barrier::Read(BarrierRead { address: 1, count: 2 })]);
+        let read = with(vec![Barrier::Read(BarrierRead { address: 1_u16.into(), count: 2 })]);
         assert_near(missing_reply_costs(&N700, &station(&read)), chars(8 + 9, 1, 10));
         for barriers in [vec![], vec![Barrier::Loop(fact(()))]] {
             assert_eq!(missing_reply_costs(&N700, &station(&with(barriers))), Duration::from_millis(100 + 300));
@@ -318,11 +318,8 @@ mod tests {
         assert_near(long.one_silent, chars(8 + 21 + 21, 2, 100));
         assert_near(long.each_further, chars(8 + 8, 1, 10));
         assert_near(bounds(&[with_words(1)]).one_silent, chars(8 + 8 + 8, 2, 100));
-        let block = BlockWrite { address: 2, count: fact(10) };
-        let by_blocks = model(|model| {
-            model.read.max_words.value = 1;
-            model.write.block = Some(block);
-        });
+        let block = BlockWrite { address: 2_u16.into(), count: fact(10) };
+        let by_blocks = model(|model| (model.read.max_words.value, model.write.block) = (1, Some(block)));
         assert_near(bounds(&[by_blocks]).one_silent, chars(29 + 8 + 8, 2, 100));
         let long_characters = model(|model| {
             model.read.max_words.value = 1;

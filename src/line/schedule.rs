@@ -2,6 +2,7 @@
 //!
 //! Other work, above all stops, has priority and is queued with each drive.
 
+use crate::domain::address::Address;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::wire::pdu::Request;
 use std::collections::{BTreeMap, HashMap};
@@ -32,7 +33,7 @@ pub enum NativeQuery {
     /// Holding registers.
     Words {
         /// First register.
-        address: u16,
+        address: Address,
         /// Number of words, within the model's limit.
         count: u16,
     },
@@ -48,7 +49,7 @@ impl ReadKey {
     #[must_use]
     pub const fn request(&self) -> Request {
         match self.what {
-            NativeQuery::Words { address, count } => Request::ReadHolding { address, count },
+            NativeQuery::Words { address, count } => Request::Read { address, count },
             NativeQuery::Loop { data } => Request::Loopback { data },
         }
     }
@@ -208,7 +209,7 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    fn key(address: u16) -> ReadKey {
+    fn key(address: Address) -> ReadKey {
         ReadKey { drive: DriveIndex(0), what: NativeQuery::Words { address, count: 1 } }
     }
 
@@ -219,7 +220,7 @@ mod tests {
     fn served(schedule: &mut Schedule) -> Vec<u16> {
         std::iter::from_fn(|| schedule.take_read(|_| true))
             .map(|job| match job.key.what {
-                NativeQuery::Words { address, .. } => address,
+                NativeQuery::Words { address, .. } => address.number(),
                 NativeQuery::Loop { data } => data,
             })
             .collect()
@@ -228,12 +229,12 @@ mod tests {
     #[test]
     fn equal_reads_share_one_exchange() {
         let mut schedule = Schedule::default();
-        assert_eq!(schedule.push_read(key(1), AskerId(1), waiter(1)), Ok(Queued::Alone));
-        assert_eq!(schedule.push_read(key(1), AskerId(2), waiter(2)), Ok(Queued::Joined));
+        assert_eq!(schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)), Ok(Queued::Alone));
+        assert_eq!(schedule.push_read(key(1_u16.into()), AskerId(2), waiter(2)), Ok(Queued::Joined));
         let job = schedule.take_read(|_| true).unwrap();
         assert_eq!(job.waiters, [waiter(1), waiter(2)]);
-        // A read that is on the wire cannot be joined.
-        assert_eq!(schedule.push_read(key(1), AskerId(3), waiter(3)), Ok(Queued::Alone));
+        // What is on the wire is joined no more.
+        assert_eq!(schedule.push_read(key(1_u16.into()), AskerId(3), waiter(3)), Ok(Queued::Alone));
     }
 
     #[test]
@@ -241,7 +242,7 @@ mod tests {
         let mut schedule = Schedule::default();
         let mut at = [1_u16, 5];
         for (asker, address) in (0..).zip(at) {
-            schedule.push_read(key(address), AskerId(asker), waiter(asker)).unwrap();
+            schedule.push_read(key(address.into()), AskerId(asker), waiter(asker)).unwrap();
         }
         let mut exchanges = 0;
         while at[0] != at[1] {
@@ -250,7 +251,7 @@ mod tests {
             for WaiterId { request: asker, .. } in job.waiters {
                 let place = &mut at[asker as usize];
                 *place = *place % 8 + 1;
-                schedule.push_read(key(*place), AskerId(asker), waiter(asker)).unwrap();
+                schedule.push_read(key((*place).into()), AskerId(asker), waiter(asker)).unwrap();
             }
             assert!(exchanges < 20, "{at:?}");
         }
@@ -260,13 +261,13 @@ mod tests {
     fn a_busy_asker_cannot_starve_a_modest_one() {
         let mut schedule = Schedule::default();
         for n in 0..500 {
-            schedule.push_read(key(n), AskerId(1), waiter(n.into())).unwrap();
+            schedule.push_read(key(n.into()), AskerId(1), waiter(n.into())).unwrap();
         }
         for _ in 0..100 {
             schedule.take_read(|_| true).unwrap();
         }
-        // Its register comes after all others by address.
-        schedule.push_read(key(9999), AskerId(2), waiter(9999)).unwrap();
+        // Its register lies behind all others on the way.
+        schedule.push_read(key(9999_u16.into()), AskerId(2), waiter(9999)).unwrap();
         let waited = served(&mut schedule).iter().position(|address| *address == 9999).unwrap();
         assert!(waited <= OVERTAKEN_MAX as usize + 1, "{waited}");
     }
@@ -275,19 +276,19 @@ mod tests {
     fn an_asker_of_many_reads_gets_no_more_turns_than_one_of_single_reads() {
         let mut schedule = Schedule::default();
         for n in 0..500 {
-            schedule.push_read(key(n), AskerId(1), waiter(1)).unwrap();
+            schedule.push_read(key(n.into()), AskerId(1), waiter(1)).unwrap();
         }
         let mut served = [0_u64; 3];
         let mut next = 1000;
         for asker in [0, 2] {
-            schedule.push_read(key(next + asker as u16), AskerId(asker), waiter(asker)).unwrap();
+            schedule.push_read(key((next + asker as u16).into()), AskerId(asker), waiter(asker)).unwrap();
         }
         for _ in 0..600 {
             let asker = schedule.take_read(|_| true).unwrap().waiters[0].request;
             served[asker as usize] += 1;
             next += 3;
             // The one asks for the next right away, as the other two do.
-            schedule.push_read(key(next), AskerId(asker), waiter(asker)).unwrap();
+            schedule.push_read(key(next.into()), AskerId(asker), waiter(asker)).unwrap();
         }
         assert!(served.iter().all(|served| served.abs_diff(200) <= AHEAD_MAX), "{served:?}");
     }
@@ -298,7 +299,7 @@ mod tests {
         for asker in 0..10 {
             for n in 0..20_u16 {
                 let at = n * 10 + asker as u16;
-                schedule.push_read(key(at), AskerId(asker), waiter(at.into())).unwrap();
+                schedule.push_read(key(at.into()), AskerId(asker), waiter(at.into())).unwrap();
             }
         }
         assert_eq!(served(&mut schedule).len(), 200);
@@ -308,31 +309,31 @@ mod tests {
     fn a_full_queue_refuses_what_it_cannot_join() {
         let mut schedule = Schedule::default();
         for n in 0..READS_MAX as u16 {
-            schedule.push_read(key(n), AskerId(1), waiter(n.into())).unwrap();
+            schedule.push_read(key(n.into()), AskerId(1), waiter(n.into())).unwrap();
         }
-        assert_eq!(schedule.push_read(key(u16::MAX), AskerId(2), waiter(1)), Err(Full));
-        assert_eq!(schedule.push_read(key(0), AskerId(2), waiter(2)), Ok(Queued::Joined));
+        assert_eq!(schedule.push_read(key((u16::MAX).into()), AskerId(2), waiter(1)), Err(Full));
+        assert_eq!(schedule.push_read(key(0_u16.into()), AskerId(2), waiter(2)), Ok(Queued::Joined));
     }
 
     #[test]
     fn a_repeated_read_goes_first_and_takes_newcomers_along() {
         let mut schedule = Schedule::default();
-        schedule.push_read(key(7), AskerId(1), waiter(1)).unwrap();
+        schedule.push_read(key(7_u16.into()), AskerId(1), waiter(1)).unwrap();
         let job = schedule.take_read(|_| true).unwrap();
-        schedule.push_read(key(8), AskerId(1), waiter(2)).unwrap();
-        schedule.push_read(key(7), AskerId(2), waiter(3)).unwrap();
+        schedule.push_read(key(8_u16.into()), AskerId(1), waiter(2)).unwrap();
+        schedule.push_read(key(7_u16.into()), AskerId(2), waiter(3)).unwrap();
         schedule.repeat_read(job);
         let again = schedule.take_read(|_| true).unwrap();
-        assert_eq!((again.key, again.repeated), (key(7), true));
+        assert_eq!((again.key, again.repeated), (key(7_u16.into()), true));
         assert_eq!(again.waiters, [waiter(1), waiter(3)]);
     }
 
     #[test]
     fn reads_without_waiters_are_dropped() {
         let mut schedule = Schedule::default();
-        schedule.push_read(key(1), AskerId(1), waiter(1)).unwrap();
-        schedule.push_read(key(1), AskerId(2), waiter(2)).unwrap();
-        schedule.push_read(key(2), AskerId(1), waiter(3)).unwrap();
+        schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)).unwrap();
+        schedule.push_read(key(1_u16.into()), AskerId(2), waiter(2)).unwrap();
+        schedule.push_read(key(2_u16.into()), AskerId(1), waiter(3)).unwrap();
         schedule.drop_unwanted(|waiter| waiter.request == 2);
         assert_eq!(served(&mut schedule), [1]);
     }

@@ -335,7 +335,7 @@ impl StationState {
         match (missing, request) {
             // An exception carries only its function.
             (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => missing.function() == request.function(),
-            (Request::ReadHolding { count: a, .. }, Request::ReadHolding { count: b, .. }) => a == b,
+            (Request::Read { count: a, .. }, Request::Read { count: b, .. }) => a == b,
             // Where a refused write may be answered with any value, the value says nothing.
             (Request::WriteSingle { address: a, value: of_a }, Request::WriteSingle { address: b, value: of_b }) => {
                 a == b && (of_a == of_b || keeps_old_value)
@@ -391,11 +391,11 @@ mod tests {
     }
 
     fn write(address: u16, value: u16) -> Request {
-        Request::WriteSingle { address, value }
+        Request::WriteSingle { address: address.into(), value }
     }
 
     fn read(address: u16, count: u16) -> Request {
-        Request::ReadHolding { address, count }
+        Request::Read { address: address.into(), count }
     }
 
     #[test]

@@ -30,10 +30,10 @@ impl Class {
     #[must_use]
     pub fn of(request: &Request, model: &Model) -> Self {
         let is_stored = match request {
-            Request::ReadHolding { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return Self::Read,
+            Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return Self::Read,
             Request::WriteSingle { address, .. } => model.is_stored(*address),
             Request::WriteMultiple { address, values } => {
-                (*address..=u16::MAX).zip(values).any(|(address, _)| model.is_stored(address))
+                address.onwards().zip(values).any(|(address, _)| model.is_stored(address))
             }
         };
         if is_stored { Self::StoredWrite } else { Self::Write }
@@ -215,7 +215,7 @@ mod tests {
         let class = |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
         assert_eq!(class(&model, run), Class::Write, "it is commanded cyclically");
         assert_eq!(class(&model, ramp), Class::StoredWrite);
-        assert_eq!(class(&model, 0xFFFE), Class::StoredWrite, "not in the model");
+        assert_eq!(class(&model, 0xFFFE_u16.into()), Class::StoredWrite, "nobody knows it");
         for register in &mut model.registers {
             let memory = if register.address == run { Memory::Stored } else { Memory::Ram };
             register.memory = Some(memory);
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(class(&model, ramp), Class::Write);
         let block = |values| Class::of(&Request::WriteMultiple { address: ramp, values }, &model);
         assert_eq!((block(vec![1]), block(vec![1, 2])), (Class::Write, Class::StoredWrite));
-        assert_eq!(Class::of(&Request::ReadHolding { address: run, count: 1 }, &model), Class::Read);
+        assert_eq!(Class::of(&Request::Read { address: run, count: 1 }, &model), Class::Read);
     }
 
     #[test]

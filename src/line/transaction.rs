@@ -397,7 +397,7 @@ mod tests {
     }
 
     fn read() -> Exchange {
-        exchange(Request::ReadHolding { address: 0x0101, count: 1 }, false)
+        exchange(Request::Read { address: 0x0101_u16.into(), count: 1 }, false)
     }
 
     const SENT: MonoTime = MonoTime::from_millis(5);
@@ -421,8 +421,8 @@ mod tests {
     }
 
     #[test]
-    fn bytes_before_our_frame_ends_neither_answer_it_nor_shorten_the_silence_after_it() {
-        let stop = Request::WriteSingle { address: 2, value: 0 };
+    fn what_overtakes_our_frame_neither_answers_it_nor_shortens_the_silence_behind_it() {
+        let stop = Request::WriteSingle { address: 2_u16.into(), value: 0 };
         let mut wire = wire();
         wire.port_opened(MonoTime::ZERO, PortKind::Serial);
         wire.send(SENT, exchange(stop, true), &mut Vec::new());
@@ -542,8 +542,8 @@ mod tests {
 
     /// The beginning of a truncated reply followed by the beginning of the reply itself, with a valid CRC by chance.
     #[test]
-    fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_after_it() {
-        let two_words = || exchange(Request::ReadHolding { address: 0x0101, count: 2 }, false);
+    fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_behind_it() {
+        let two_words = || exchange(Request::Read { address: 0x0101_u16.into(), count: 2 }, false);
         let (cut, high) = (0..=u16::MAX)
             .find_map(|word| {
                 let [first, second] = word.to_be_bytes();
@@ -594,7 +594,7 @@ mod tests {
 
     #[test]
     fn in_doubt_neither_exception_nor_kept_value_is_an_answer() {
-        let write = Request::WriteSingle { address: 2, value: 1 };
+        let write = Request::WriteSingle { address: 2_u16.into(), value: 1 };
         for (in_doubt, pdu, answered) in [
             (false, vec![6, 0, 2, 0, 0], true),
             (true, vec![6, 0, 2, 0, 0], false),
@@ -629,7 +629,7 @@ mod tests {
 
     #[test]
     fn a_copy_of_a_write_that_no_drive_can_have_sent_yet_is_an_echo() {
-        let write = || exchange(Request::WriteSingle { address: 2, value: 1 }, false);
+        let write = || exchange(Request::WriteSingle { address: 2_u16.into(), value: 1 }, false);
         for (kind, is_known, early_is_echo) in
             [(PortKind::Serial, false, true), (PortKind::Virtual, false, false), (PortKind::Virtual, true, true)]
         {
@@ -653,7 +653,7 @@ mod tests {
         let mut wire = wire();
         let mut out = Vec::new();
         wire.strip_echo(true);
-        wire.send(SENT, exchange(Request::WriteSingle { address: 2, value: 1 }, false), &mut out);
+        wire.send(SENT, exchange(Request::WriteSingle { address: 2_u16.into(), value: 1 }, false), &mut out);
         out[5] ^= 1;
         let at = SENT + Duration::from_millis(9);
         assert_eq!(wire.receive(at, &out), None);
@@ -699,7 +699,7 @@ mod tests {
         wire.port_opened(ms(0), PortKind::Serial);
         assert_eq!(wire.receive(ms(100), &[0x55]), None);
         let mut out = Vec::new();
-        let read = Request::ReadHolding { address: 0x0101, count: 1 };
+        let read = Request::Read { address: 0x0101_u16.into(), count: 1 };
         wire.send(ms(110), exchange(read, false), &mut out);
         // Read in two parts, the second with a byte after the reply.
         let mut reply = frame(1, &[3, 2, 0x17, 0x70]);

@@ -28,7 +28,7 @@ fn exchange(request: Request) -> Exchange {
 }
 
 fn read() -> Exchange {
-    exchange(Request::ReadHolding { address: 0x0C10, count: 1 })
+    exchange(Request::Read { address: 0x0C10_u16.into(), count: 1 })
 }
 
 fn answered() -> Option<(Exchange, Ending)> {

@@ -104,10 +104,10 @@ impl Stage {
         view.run_state = RunState::Stopped;
         view.trip.active = Some(false);
         view.trip_kept.count = Some(2);
-        view.snapshot.take(OUTPUT, &[output], now);
-        view.snapshot.take(0x0112, &[2], now);
-        view.snapshot.take(0x0201, &[4_000], now);
-        view.snapshot.take(0x0211, &[3, 3], now);
+        view.snapshot.take(OUTPUT.into(), &[output], now);
+        view.snapshot.take(0x0112_u16.into(), &[2], now);
+        view.snapshot.take(0x0201_u16.into(), &[4_000], now);
+        view.snapshot.take(0x0211_u16.into(), &[3, 3], now);
     }
 
     /// Shows the session the present drives.

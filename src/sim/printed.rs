@@ -72,9 +72,9 @@ fn prepare(drive: &mut SimDrive, request: &[u8], response: &[u8]) {
             told(0x2502, shown[3]);
             told(0x2501, 1);
         }
-        (3, 0x0C10, 3) => drive.set_locally(seconds(0), 0x0C10, first),
+        (3, 0x0C10, 3) => drive.set_locally(seconds(0), 0x0C10_u16.into(), first),
         // The frequency comes from somewhere else: 00-05.
-        (6, 0x2502, 0x86) => drive.set_locally(seconds(0), 0x0005, 0),
+        (6, 0x2502, 0x86) => drive.set_locally(seconds(0), 0x0005_u16.into(), 0),
         (3, 0x3000 | 0x2100, 3) => {
             told(0x2001, 5000);
             told(0x2000, 1);
@@ -85,7 +85,7 @@ fn prepare(drive: &mut SimDrive, request: &[u8], response: &[u8]) {
             told(0xFA01, if address == 0xFD03 { 3129 } else { 6000 });
             told(0xFA00, 0xC400);
             // Bit 13 stands for a terminal that no flag names.
-            drive.set_locally(seconds(0), 0xFD01, 0x2000);
+            drive.set_locally(seconds(0), 0xFD01_u16.into(), 0x2000);
         }
         (3 | 6, _, 0x83 | 0x86) | (6 | 8 | 16, ..) => {}
         other => panic!("no state is known for {other:02X?}"),
@@ -190,7 +190,7 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
         let mut drive = SimDrive::new(model.clone(), DriveOptions::default());
         for register in model.registers.iter().filter(|it| it.access.can_read()) {
             let mut request = vec![3];
-            pdu::put_words(&mut request, &[register.address, 1]);
+            pdu::put_words(&mut request, &[register.address.number(), 1]);
             let mut reply = Vec::new();
             assert!(drive.answer(MonoTime::ZERO, &request, 0, &mut reply), "{id} {}", register.name);
             assert_eq!(reply[..2], [3, 2], "{id} {}", register.name);
@@ -201,7 +201,7 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
             [(crate::profile::model::Role::FrequencyCommand, 3000), (crate::profile::model::Role::RunCommand, reverse)];
         for (role, value) in roles {
             let mut request = vec![6];
-            pdu::put_words(&mut request, &[model.register_for(role).unwrap().address, value]);
+            pdu::put_words(&mut request, &[model.register_for(role).unwrap().address.number(), value]);
             let mut reply = Vec::new();
             assert!(drive.answer(MonoTime::ZERO, &request, 0, &mut reply));
             assert_eq!(reply, request, "{id}");

@@ -99,15 +99,16 @@ fn sum(bytes: &[u8]) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::address::Table;
     use crate::domain::link::Framing;
     use crate::wire::frame::Found;
     use crate::wire::framing::Assembler;
-    use crate::wire::pdu::{Reply, Request, encode_words_reply};
+    use crate::wire::pdu::{Reply, Request, encode_read_reply};
 
     /// Requests with their replies as the manuals of TECO's E510, E510s and A510s print them (or with the LRC that
     /// the manual leaves out).
     fn answered() -> [(&'static str, Request, &'static str, Reply); 5] {
-        let block = Request::WriteMultiple { address: 0x2501, values: vec![1, 6000] };
+        let block = Request::WriteMultiple { address: 0x2501_u16.into(), values: vec![1, 6000] };
         [
             (":01080000A5371B\r\n", Request::Loopback { data: 0xA537 }, ":01080000A5371B\r\n", Reply::Echo),
             (":010325230001B3\r\n", read(0x2523), ":01030207D023\r\n", Reply::Words(vec![2000])),
@@ -119,7 +120,7 @@ mod tests {
 
     /// Requests with exceptions, and how the manual prints each: its misprints repeat a byte of the CRC or swap digits.
     fn refused() -> [(Request, &'static str, u8, Option<&'static str>); 5] {
-        let block = Request::WriteMultiple { address: 0x2501, values: vec![1, 6000] };
+        let block = Request::WriteMultiple { address: 0x2501_u16.into(), values: vec![1, 6000] };
         [
             (Request::Loopback { data: 0xA537 }, ":01880374\r\n", 3, Some(":01880306\r\n")),
             (Request::Loopback { data: 0xA537 }, ":01882057\r\n", 0x20, Some(":01882075\r\n")),
@@ -130,11 +131,11 @@ mod tests {
     }
 
     fn read(address: u16) -> Request {
-        Request::ReadHolding { address, count: 1 }
+        Request::Read { address: address.into(), count: 1 }
     }
 
     fn setpoint() -> Request {
-        Request::WriteSingle { address: 0x2502, value: 6000 }
+        Request::WriteSingle { address: 0x2502_u16.into(), value: 6000 }
     }
 
     fn expected(request: &Request) -> Expected {
@@ -167,7 +168,7 @@ mod tests {
             let mut answered_again = Vec::new();
             encode(&mut asked_again, 1, |out| request.encode(out));
             encode(&mut answered_again, 1, |out| match &reply {
-                Reply::Words(words) => encode_words_reply(out, words),
+                Reply::Words(words) => encode_read_reply(out, Table::Holding, words),
                 _ => out.extend_from_slice(&pdu),
             });
             assert_eq!((asked_again.as_slice(), answered_again.as_slice()), (asked.as_bytes(), answered.as_bytes()));

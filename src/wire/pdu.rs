@@ -1,17 +1,26 @@
 //! Requests to drives and their replies, without station, CRC or header.
 
 use super::exception::ILLEGAL_FUNCTION;
+use crate::domain::address::{Address, Table};
 
 /// Function codes (Modbus application protocol V1.1b3, 5.1).
 pub mod function {
+    /// Read coils.
+    pub const READ_COILS: u8 = 0x01;
+    /// Read discrete inputs.
+    pub const READ_DISCRETE: u8 = 0x02;
     /// Read holding registers.
     pub const READ_HOLDING: u8 = 0x03;
     /// Read input registers.
     pub const READ_INPUT: u8 = 0x04;
+    /// Write a single coil.
+    pub const WRITE_COIL: u8 = 0x05;
     /// Write a single register.
     pub const WRITE_SINGLE: u8 = 0x06;
     /// Diagnostics; sub-function 0 returns what was sent.
     pub const DIAGNOSTICS: u8 = 0x08;
+    /// Write several coils.
+    pub const WRITE_COILS: u8 = 0x0F;
     /// Write several registers.
     pub const WRITE_MULTIPLE: u8 = 0x10;
     /// Set in the function code of an exception reply.
@@ -22,6 +31,10 @@ pub mod function {
 pub const MAX_READ_WORDS: u16 = 125;
 /// Maximum number of words in one write (V1.1b3, 6.12).
 pub const MAX_WRITE_WORDS: u16 = 123;
+/// Most bits that one read of this program asks for. The standard allows 2,000; no drive has as many.
+pub const MAX_READ_BITS: u16 = 125;
+/// The word that sets a coil; 0 clears it (V1.1b3, 6.5).
+const COIL_ON: u16 = 0xFF00;
 /// Longest PDU in bytes (V1.1b3, 4.1).
 pub const MAX_PDU_BYTES: usize = 253;
 
@@ -31,18 +44,18 @@ pub const FUNCTION_ERROR: u8 = 0x51;
 /// A request to a drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// 03: read `count` words from `address` on.
-    ReadHolding {
-        /// First register.
-        address: u16,
-        /// Number of words.
+    /// 03, 04, 01 or 02, by the table: read `count` words or bits from `address` on.
+    Read {
+        /// First register, coil or input.
+        address: Address,
+        /// Number of words or bits.
         count: u16,
     },
-    /// 06: write one word.
+    /// 06, or 05 for a coil: write one word or bit.
     WriteSingle {
-        /// Register.
-        address: u16,
-        /// The word.
+        /// Register or coil.
+        address: Address,
+        /// The word; of a coil, 0 or 1.
         value: u16,
     },
     /// 08 with sub-function 0: the drive returns `data` unchanged.
@@ -50,11 +63,11 @@ pub enum Request {
         /// Any word; with a fresh one an earlier answer cannot be mistaken for this one.
         data: u16,
     },
-    /// 10 hex: write several words.
+    /// 10 hex, or 0F hex for coils: write several words or bits.
     WriteMultiple {
-        /// First register.
-        address: u16,
-        /// 1 to 123 words.
+        /// First register or coil.
+        address: Address,
+        /// 1 to 123 words; of coils, 0 or 1 each.
         values: Vec<u16>,
     },
     /// A function that the drive does not support, so that its exception is the right answer. It has no effect on a
@@ -82,13 +95,32 @@ pub enum Reply {
 }
 
 impl Request {
+    /// A read of `count` words or bits from `address` on.
+    #[must_use]
+    pub fn read(address: impl Into<Address>, count: u16) -> Self {
+        Self::Read { address: address.into(), count }
+    }
+
+    /// A write of one word or bit.
+    #[must_use]
+    pub fn write(address: impl Into<Address>, value: u16) -> Self {
+        Self::WriteSingle { address: address.into(), value }
+    }
+
     /// The function code.
     #[must_use]
     pub const fn function(&self) -> u8 {
         match self {
-            Self::ReadHolding { .. } => function::READ_HOLDING,
+            Self::Read { address, .. } => match address.table() {
+                Table::Holding => function::READ_HOLDING,
+                Table::Input => function::READ_INPUT,
+                Table::Coil => function::READ_COILS,
+                Table::Discrete => function::READ_DISCRETE,
+            },
+            Self::WriteSingle { address, .. } if address.table().is_of_bits() => function::WRITE_COIL,
             Self::WriteSingle { .. } => function::WRITE_SINGLE,
             Self::Loopback { .. } => function::DIAGNOSTICS,
+            Self::WriteMultiple { address, .. } if address.table().is_of_bits() => function::WRITE_COILS,
             Self::WriteMultiple { .. } => function::WRITE_MULTIPLE,
             Self::Unserved { function, .. } => *function,
         }
@@ -99,7 +131,8 @@ impl Request {
     pub const fn reply_pdu_bytes(&self) -> usize {
         match self {
             Self::Unserved { .. } => 2,
-            Self::ReadHolding { count, .. } => 2 + 2 * *count as usize,
+            Self::Read { address, count } if address.table().is_of_bits() => 2 + bit_bytes(*count as usize),
+            Self::Read { count, .. } => 2 + 2 * *count as usize,
             Self::WriteSingle { .. } | Self::Loopback { .. } | Self::WriteMultiple { .. } => 5,
         }
     }
@@ -114,22 +147,27 @@ impl Request {
     pub fn encode(&self, out: &mut Vec<u8>) {
         out.push(self.function());
         match self {
-            Self::ReadHolding { address, count } => put_words(out, &[*address, *count]),
-            Self::WriteSingle { address, value } => put_words(out, &[*address, *value]),
+            Self::Read { address, count } => put_words(out, &[address.number(), *count]),
+            Self::WriteSingle { address, value } => put_words(out, &[address.number(), single(*address, *value)]),
             Self::Loopback { data } | Self::Unserved { function: function::DIAGNOSTICS, data } => {
                 put_words(out, &[0, *data]);
             }
             Self::WriteMultiple { address, values } => {
-                put_words(out, &[*address, values.len() as u16]);
-                out.push((values.len() * 2) as u8);
-                put_words(out, values);
+                put_words(out, &[address.number(), values.len() as u16]);
+                if address.table().is_of_bits() {
+                    out.push(bit_bytes(values.len()) as u8);
+                    put_bits(out, values);
+                } else {
+                    out.push((values.len() * 2) as u8);
+                    put_words(out, values);
+                }
             }
             Self::Unserved { .. } => {}
         }
     }
 
-    /// Parses a request; `None` if its function is not one of ours or its form is wrong. Quantities are not checked:
-    /// that is left to the drive. Nor is whether a function is supported: 08 is a loop test.
+    /// The request that `pdu` holds; `None` if its function is not one of ours or its form is wrong.
+    /// Quantities are not judged: that is up to the drive. Whether a function is served neither: 08 is a loop test.
     #[must_use]
     pub fn decode(pdu: &[u8]) -> Option<Self> {
         let (&function, rest) = pdu.split_first()?;
@@ -137,13 +175,24 @@ impl Request {
         let first = u16::from_be_bytes([head[0], head[1]]);
         let second = u16::from_be_bytes([head[2], head[3]]);
         match (function, tail) {
-            (function::READ_HOLDING, []) => Some(Self::ReadHolding { address: first, count: second }),
-            (function::WRITE_SINGLE, []) => Some(Self::WriteSingle { address: first, value: second }),
+            (function::READ_HOLDING | function::READ_INPUT | function::READ_COILS | function::READ_DISCRETE, []) => {
+                Some(Self::Read { address: Address::new(table_of(function), first), count: second })
+            }
+            (function::WRITE_SINGLE, []) => Some(Self::write(first, second)),
+            (function::WRITE_COIL, []) if matches!(second, 0 | COIL_ON) => {
+                Some(Self::write(Address::new(Table::Coil, first), u16::from(second == COIL_ON)))
+            }
             (function::DIAGNOSTICS, []) if first == 0 => Some(Self::Loopback { data: second }),
             (function::WRITE_MULTIPLE, [bytes, data @ ..])
                 if usize::from(*bytes) == data.len() && data.len() == 2 * usize::from(second) =>
             {
-                Some(Self::WriteMultiple { address: first, values: words(data) })
+                Some(Self::WriteMultiple { address: Address::holding(first), values: words(data) })
+            }
+            (function::WRITE_COILS, [bytes, data @ ..])
+                if usize::from(*bytes) == data.len() && data.len() == bit_bytes(second.into()) =>
+            {
+                let values = bits(data, second.into());
+                Some(Self::WriteMultiple { address: Address::new(Table::Coil, first), values })
             }
             _ => None,
         }
@@ -156,9 +205,9 @@ impl Request {
         !matches!(self, Self::Unserved { .. }) || matches!(code, ILLEGAL_FUNCTION | FUNCTION_ERROR)
     }
 
-    /// Parses `pdu` as the reply to this request. `None` if it does not answer it: another function or length, for 06
-    /// another register, for 08 other data, for 10 hex another range. No normal reply answers a function that the drive
-    /// does not support.
+    /// What `pdu` answers to this request; `None` if it does not answer it: another function or length, for 05 and 06
+    /// another address, for 08 other data, for 0F and 10 hex another range. No normal reply answers a function that the
+    /// drive does not serve.
     #[must_use]
     pub fn reply_in(&self, pdu: &[u8]) -> Option<Reply> {
         let (&function, data) = pdu.split_first()?;
@@ -166,39 +215,78 @@ impl Request {
             return None;
         }
         match self {
-            Self::ReadHolding { .. } => {
+            Self::Read { address, count } => {
                 let (&bytes, data) = data.split_first()?;
-                (usize::from(bytes) == data.len()).then(|| Reply::Words(words(data)))
+                let is_of_bits = address.table().is_of_bits();
+                let values = || if is_of_bits { bits(data, usize::from(*count)) } else { words(data) };
+                (usize::from(bytes) == data.len()).then(|| Reply::Words(values()))
             }
             Self::WriteSingle { address, .. } => {
                 let [address_hi, address_lo, value_hi, value_lo] = *data else { return None };
-                (u16::from_be_bytes([address_hi, address_lo]) == *address)
-                    .then_some(Reply::Holds { value: u16::from_be_bytes([value_hi, value_lo]) })
+                let value = u16::from_be_bytes([value_hi, value_lo]);
+                let value = match (address.table().is_of_bits(), value) {
+                    (false, value) => value,
+                    (true, 0) => 0,
+                    (true, COIL_ON) => 1,
+                    (true, _) => return None,
+                };
+                (u16::from_be_bytes([address_hi, address_lo]) == address.number()).then_some(Reply::Holds { value })
             }
             Self::Loopback { data: sent } => (words(data) == [0, *sent]).then_some(Reply::Echo),
             Self::WriteMultiple { address, values } => {
-                (words(data) == [*address, values.len() as u16]).then_some(Reply::Echo)
+                (words(data) == [address.number(), values.len() as u16]).then_some(Reply::Echo)
             }
             Self::Unserved { .. } => None,
         }
     }
 }
 
-/// Whether `pdu` can only be a request, so that its sender is a master.
+/// The table that `function` reads.
+const fn table_of(function: u8) -> Table {
+    match function {
+        function::READ_COILS => Table::Coil,
+        function::READ_DISCRETE => Table::Discrete,
+        function::READ_INPUT => Table::Input,
+        _ => Table::Holding,
+    }
+}
+
+/// `value` as 05 or 06 carries it.
+const fn single(address: Address, value: u16) -> u16 {
+    match (address.table().is_of_bits(), value) {
+        (false, value) => value,
+        (true, 0) => 0,
+        (true, _) => COIL_ON,
+    }
+}
+
+/// Bytes that hold `count` bits.
+const fn bit_bytes(count: usize) -> usize {
+    count.div_ceil(8)
+}
+
+/// Whether `pdu` can only be a request: another master asks drives on this line.
 #[must_use]
 pub fn is_request(pdu: &[u8]) -> bool {
     match pdu {
         // A reply with 5 bytes would have half a word.
         [function::READ_HOLDING | function::READ_INPUT, rest @ ..] => rest.len() == 4,
+        // A reply with three bytes of bits is as long.
+        [function::READ_COILS | function::READ_DISCRETE, rest @ ..] => rest.len() == 4 && rest[0] != 3,
         _ => matches!(Request::decode(pdu), Some(Request::WriteMultiple { .. })),
     }
 }
 
-/// Appends the PDU of a reply to 03 to `out`. `words` has at most 125 words.
-pub fn encode_words_reply(out: &mut Vec<u8>, words: &[u16]) {
-    out.push(function::READ_HOLDING);
-    out.push((words.len() * 2) as u8);
-    put_words(out, words);
+/// Appends the PDU of the reply to a read from `table` to `out`. At most 125 words fit; bits are 0 or 1 each.
+pub fn encode_read_reply(out: &mut Vec<u8>, table: Table, values: &[u16]) {
+    out.push(Request::read(Address::new(table, 0), 0).function());
+    if table.is_of_bits() {
+        out.push(bit_bytes(values.len()) as u8);
+        put_bits(out, values);
+    } else {
+        out.push((values.len() * 2) as u8);
+        put_words(out, values);
+    }
 }
 
 /// Appends `words` to `out`, high byte first.
@@ -206,10 +294,22 @@ pub fn put_words(out: &mut Vec<u8>, words: &[u16]) {
     out.extend(words.iter().flat_map(|word| word.to_be_bytes()));
 }
 
-/// The words in `bytes`, high byte first; an odd byte at the end is ignored.
+/// Appends `bits`, each 0 or another number, to `out`: the first in the lowest bit of the first byte.
+fn put_bits(out: &mut Vec<u8>, bits: &[u16]) {
+    let byte = |bits: &[u16]| bits.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit != 0));
+    out.extend(bits.chunks(8).map(byte));
+}
+
+/// The words in `bytes`, high byte first; an odd byte at the end is left out.
 #[must_use]
 pub fn words(bytes: &[u8]) -> Vec<u16> {
     bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
+}
+
+/// The first `count` bits in `bytes`, 0 or 1 each.
+fn bits(bytes: &[u8], count: usize) -> Vec<u16> {
+    let all = bytes.iter().flat_map(|byte| (0..8).map(move |bit| u16::from(byte >> bit & 1)));
+    all.take(count).collect()
 }
 
 #[cfg(test)]
@@ -219,10 +319,16 @@ mod tests {
     #[test]
     fn every_request_survives_a_round_trip() {
         let requests = [
-            Request::ReadHolding { address: 0x0101, count: 8 },
-            Request::WriteSingle { address: 2, value: 1 },
+            Request::read(0x0101, 8),
+            Request::read(Address::new(Table::Input, 3), 2),
+            Request::read(Address::new(Table::Coil, 6), 7),
+            Request::read(Address::new(Table::Discrete, 0), 16),
+            Request::write(2, 1),
+            Request::write(Address::new(Table::Coil, 0), 1),
+            Request::write(Address::new(Table::Coil, 0x49), 0),
             Request::Loopback { data: 0xBEEF },
-            Request::WriteMultiple { address: 0x2501, values: vec![1, 3000] },
+            Request::WriteMultiple { address: Address::holding(0x2501), values: vec![1, 3000] },
+            Request::WriteMultiple { address: Address::new(Table::Coil, 0), values: vec![1, 0, 0, 0, 0, 0, 0, 1, 1] },
         ];
         for request in requests {
             let mut pdu = Vec::new();
@@ -250,19 +356,46 @@ mod tests {
 
     #[test]
     fn only_the_right_reply_is_a_reply() {
-        let read = Request::ReadHolding { address: 0x0101, count: 1 };
+        let read = Request::read(0x0101, 1);
         assert_eq!(read.reply_in(&[3, 2, 0x17, 0x70]), Some(Reply::Words(vec![6000])));
         for wrong in [&[3, 4, 0, 1, 0, 2][..], &[3, 3, 0, 1], &[6, 2, 0x17, 0x70], &[3], &[]] {
             assert_eq!(read.reply_in(wrong), None, "{wrong:?}");
         }
-        let write = Request::WriteSingle { address: 2, value: 1 };
+        let write = Request::write(2, 1);
         assert_eq!(write.reply_in(&[6, 0, 2, 0, 0]), Some(Reply::Holds { value: 0 }));
         assert_eq!(write.reply_in(&[6, 0, 4, 0, 1]), None);
         let loopback = Request::Loopback { data: 7 };
         assert_eq!(loopback.reply_in(&[8, 0, 0, 0, 7]), Some(Reply::Echo));
         assert_eq!(loopback.reply_in(&[8, 0, 0, 0, 8]), None);
-        let block = Request::WriteMultiple { address: 9, values: vec![1, 2] };
+        let block = Request::WriteMultiple { address: Address::holding(9), values: vec![1, 2] };
         assert_eq!(block.reply_in(&[0x10, 0, 9, 0, 2]), Some(Reply::Echo));
         assert_eq!(block.reply_in(&[0x10, 0, 9, 0, 1]), None);
+    }
+
+    #[test]
+    fn coils_are_read_and_written_as_bits() {
+        // The printed exchanges of an Omron/Hitachi manual and of an H100: read 7 coils, set a coil.
+        let read = Request::read(Address::new(Table::Coil, 6), 7);
+        let mut pdu = Vec::new();
+        read.encode(&mut pdu);
+        assert_eq!(pdu, [1, 0, 6, 0, 7]);
+        assert_eq!(read.reply_in(&[1, 1, 0x45]), Some(Reply::Words(vec![1, 0, 1, 0, 0, 0, 1])));
+        assert_eq!(read.reply_in(&[1, 2, 0x45, 0]), None);
+        let run = Request::write(Address::new(Table::Coil, 0), 1);
+        let mut pdu = Vec::new();
+        run.encode(&mut pdu);
+        assert_eq!(pdu, [5, 0, 0, 0xFF, 0]);
+        assert_eq!(run.reply_in(&pdu), Some(Reply::Holds { value: 1 }));
+        assert_eq!(run.reply_in(&[5, 0, 0, 0, 0]), Some(Reply::Holds { value: 0 }));
+        for wrong in [&[5, 0, 1, 0xFF, 0][..], &[5, 0, 0, 0, 1], &[6, 0, 0, 0xFF, 0]] {
+            assert_eq!(run.reply_in(wrong), None, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_read_of_coils_looks_like_a_request_unless_it_may_be_a_reply() {
+        assert!(is_request(&[1, 0, 6, 0, 7]));
+        assert!(!is_request(&[1, 3, 6, 0, 7]));
+        assert!(!is_request(&[1, 1, 0x45]));
     }
 }

@@ -1,16 +1,17 @@
 //! ASCII replies found, and nothing else, in whatever a line delivers.
 
 use proptest::prelude::*;
+use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::ascii;
 use vfd_gateway::wire::frame::{Expected, Found};
 use vfd_gateway::wire::framing::Assembler;
-use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
+use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 
 /// The reply with `words` of `station`; bit n of `lower` makes its nth character lower case.
 fn reply(station: u8, words: &[u16], lower: u64) -> Vec<u8> {
     let mut adu = Vec::new();
-    ascii::encode(&mut adu, station, |out| encode_words_reply(out, words));
+    ascii::encode(&mut adu, station, |out| encode_read_reply(out, Table::Holding, words));
     adu.iter_mut()
         .enumerate()
         .filter(|(n, _)| lower >> (n % 64) & 1 == 1)
@@ -61,7 +62,7 @@ proptest! {
         let (found, rest) = found_in(stream.chunks(chunk));
         prop_assert_eq!((found, rest), (vec![Found { noise, adu: reply.clone() }], vec![]));
 
-        let request = Request::ReadHolding { address: 0, count: words.len() as u16 };
+        let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         prop_assert_eq!(reply.len(), ascii::adu_bytes(request.reply_pdu_bytes()));
         let (from, pdu) = ascii::decode(&reply).expect("what is found is sound");
         prop_assert_eq!(from, station);
@@ -90,7 +91,7 @@ proptest! {
         let mut spoilt = reply.clone();
         let bit = bit.index(reply.len() * 8);
         spoilt[bit / 8] ^= 1 << (bit % 8);
-        let request = Request::ReadHolding { address: 0, count: words.len() as u16 };
+        let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         for found in found_in([spoilt.as_slice()]).0 {
             let (station, pdu) = ascii::decode(&found.adu).expect("what is found is sound");
             let says = request.reply_in(&pdu).filter(|_| station == 1);

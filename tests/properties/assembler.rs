@@ -3,11 +3,12 @@
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use std::collections::BTreeSet;
+use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::crc;
 use vfd_gateway::wire::frame::Expected;
 use vfd_gateway::wire::framing::Assembler;
-use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
+use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 use vfd_gateway::wire::rtu::{self, ReplyLength};
 
 fn config() -> ProptestConfig {
@@ -35,9 +36,9 @@ proptest! {
         noise in prop::collection::vec(any::<u8>(), 0..=256),
         chunk in 1..300_usize,
     ) {
-        let request = Request::ReadHolding { address: 0, count: words.len() as u16 };
+        let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         let mut reply = Vec::new();
-        rtu::encode(&mut reply, station, |out| encode_words_reply(out, &words));
+        rtu::encode(&mut reply, station, |out| encode_read_reply(out, Table::Holding, &words));
         let stream = [noise.as_slice(), &reply].concat();
         prop_assume!(noise.is_empty() || !begins_with_a_frame(&stream));
 
@@ -63,9 +64,9 @@ proptest! {
         words in prop::collection::vec(any::<u16>(), 1..=125),
         bits in prop::collection::vec(any::<prop::sample::Index>(), 1..=3),
     ) {
-        let request = Request::ReadHolding { address: 0, count: words.len() as u16 };
+        let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         let mut reply = Vec::new();
-        rtu::encode(&mut reply, 1, |out| encode_words_reply(out, &words));
+        rtu::encode(&mut reply, 1, |out| encode_read_reply(out, Table::Holding, &words));
         let mut spoilt = reply.clone();
         for bit in bits.iter().map(|bit| bit.index(reply.len() * 8)).collect::<BTreeSet<_>>() {
             spoilt[bit / 8] ^= 1 << (bit % 8);
@@ -114,10 +115,11 @@ proptest! {
 
 fn request() -> impl Strategy<Value = Request> {
     prop_oneof![
-        (any::<u16>(), any::<u16>()).prop_map(|(address, count)| Request::ReadHolding { address, count }),
-        (any::<u16>(), any::<u16>()).prop_map(|(address, value)| Request::WriteSingle { address, value }),
+        (any::<u16>(), any::<u16>()).prop_map(|(address, count)| Request::Read { address: address.into(), count }),
+        (any::<u16>(), any::<u16>())
+            .prop_map(|(address, value)| Request::WriteSingle { address: address.into(), value }),
         any::<u16>().prop_map(|data| Request::Loopback { data }),
         (any::<u16>(), prop::collection::vec(any::<u16>(), 1..=123))
-            .prop_map(|(address, values)| Request::WriteMultiple { address, values }),
+            .prop_map(|(address, values)| Request::WriteMultiple { address: address.into(), values }),
     ]
 }

@@ -39,7 +39,7 @@ fn origins() -> [Origin; 4] {
 
 fn order() -> impl Strategy<Value = Order> {
     let go = |setpoint: Option<u16>, run: Option<Direction>, ramp: bool| {
-        let ramp = if ramp { vec![RegisterWrite { address: RAMP, value: 30 }] } else { Vec::new() };
+        let ramp = if ramp { vec![RegisterWrite { address: RAMP.into(), value: 30 }] } else { Vec::new() };
         Order::Go(Go::new(ramp, setpoint.map(Hertz::from_centihertz), run).expect("not empty"))
     };
     let direction = prop_oneof![Just(Direction::Forward), Just(Direction::Reverse)];
@@ -122,7 +122,7 @@ impl Observed {
             let Order::Go(go) = &given.order else { continue };
             let run = go.run().map(|direction| (RUN, if direction == Direction::Forward { 1 } else { 2 }));
             let setpoint = go.frequency().map(|hertz| (FREQUENCY, hertz.to_word(100).expect("a word")));
-            let ramps = go.registers().iter().map(|write| (write.address, write.value));
+            let ramps = go.registers().iter().map(|write| (write.address.number(), write.value));
             for write in run.into_iter().chain(setpoint).chain(ramps) {
                 budget.entry(write).or_default().push(given.at);
             }

@@ -66,7 +66,7 @@ fn a_read_is_cut_into_frames_as_short_as_ascii_wants_them() {
     rig.answer_to(ticket);
     // 17 characters of 10 bits out, 2 ms, 15 characters back, after 10 ms of silence.
     assert_eq!(rig.now.since(begun), Duration::from_nanos(10_000_000 + 17_708_334 + 2_000_000 + 15_625_000));
-    let write = rig.ask(1, 0, NativeAsk::Write { address: 0x020C, values: vec![30] });
+    let write = rig.ask(1, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![30] });
     assert!(!matches!(rig.answer_to(write), NativeOutcome::NoReply));
 }
 
@@ -88,7 +88,7 @@ fn a_stop_waits_for_the_exchange_on_the_wire_and_for_nothing_else() {
     for lead_ms in 0..60 {
         let mut rig = Rig::new(&RigOptions::controlled().ascii());
         for n in 0..100 {
-            rig.ask(n % 60, 0, NativeAsk::Read { address: PROOF + n as u16, count: 1 });
+            rig.ask(n % 60, 0, NativeAsk::Read { address: (PROOF + n as u16).into(), count: 1 });
         }
         rig.pass(Duration::from_millis(lead_ms));
         let stopped_at = rig.now;

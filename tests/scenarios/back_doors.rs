@@ -163,9 +163,9 @@ const UNLISTED: &[(&str, u16, u16)] = &[
 fn a_back_door_is_refused_and_nothing_goes_to_the_line() {
     for (id, address, word, reason) in DOORS {
         let mut rig = quiet(id, accepting());
-        assert_eq!(write(&mut rig, *address, &[*word]), refused(*reason), "{id}: {address:04X} = {word:04X}");
+        assert_eq!(write(&mut rig, *address, &[*word]), refused(*reason), "{id}: {address} = {word:04X}");
         rig.pass(Duration::from_secs(2));
-        assert!(rig.sent.is_empty(), "{id}: {address:04X} = {word:04X}: {:02X?}", rig.frames());
+        assert!(rig.sent.is_empty(), "{id}: {address} = {word:04X}: {:02X?}", rig.frames());
     }
 }
 
@@ -174,11 +174,11 @@ fn a_list_of_writable_registers_opens_no_back_door() {
     let everything: Vec<u16> = (0..=u16::MAX).collect();
     for (id, address, word, reason) in DOORS {
         let mut rig = quiet(id, listing(everything.clone()));
-        assert_eq!(write(&mut rig, *address, &[*word]), refused(*reason), "{id}: {address:04X} = {word:04X}");
+        assert_eq!(write(&mut rig, *address, &[*word]), refused(*reason), "{id}: {address} = {word:04X}");
         let told = rig.commanded(MQTT, register(*address, *word));
-        assert_eq!(told.0, Outcome::Refused, "{id}: {address:04X} as a parameter: {told:?}");
+        assert_eq!(told.0, Outcome::Refused, "{id}: {address} as a parameter: {told:?}");
         rig.pass(Duration::from_secs(2));
-        assert!(rig.writes().is_empty(), "{id}: {address:04X} = {word:04X}: {:02X?}", rig.writes());
+        assert!(rig.writes().is_empty(), "{id}: {address} = {word:04X}: {:02X?}", rig.writes());
     }
 }
 
@@ -194,8 +194,8 @@ fn a_command_register_is_no_parameter() {
             (vfd_gateway::profile::model::Role::FrequencyCommand, 3000),
         ] {
             let address = model.register_for(role).unwrap().address;
-            let told = rig.commanded(MQTT, register(address, word));
-            assert_eq!(told, (Outcome::Refused, NotAllowed), "{id}: {address:04X}");
+            let told = rig.commanded(MQTT, register(address.number(), word));
+            assert_eq!(told, (Outcome::Refused, NotAllowed), "{id}: {address}");
         }
         assert!(rig.writes().is_empty(), "{id}");
     }
@@ -221,7 +221,7 @@ fn one_back_door_spoils_a_whole_block() {
         let mut rig = quiet(id, listing(vec![0x0202, 0x0203]));
         assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed, "{id}: who stopped it may start it");
         rig.sent.clear();
-        assert_eq!(write(&mut rig, address, values), refused(reason), "{id}: {address:04X}");
+        assert_eq!(write(&mut rig, address, values), refused(reason), "{id}: {address}");
         assert!(rig.writes().is_empty(), "{id}: {:02X?}", rig.writes());
     }
 }
@@ -230,10 +230,10 @@ fn one_back_door_spoils_a_whole_block() {
 fn what_is_listed_is_written_where_it_is_listed_and_nowhere_else() {
     for (id, address, word) in UNLISTED {
         let mut rig = quiet(id, accepting());
-        assert_eq!(write(&mut rig, *address, &[*word]), refused(NotListed), "{id}: {address:04X}");
+        assert_eq!(write(&mut rig, *address, &[*word]), refused(NotListed), "{id}: {address}");
         assert!(rig.sent.is_empty(), "{id}: {:02X?}", rig.frames());
         let mut rig = quiet(id, listing(vec![*address]));
-        assert_eq!(write(&mut rig, *address, &[*word]), NativeOutcome::Written, "{id}: {address:04X}");
+        assert_eq!(write(&mut rig, *address, &[*word]), NativeOutcome::Written, "{id}: {address}");
         rig.pass(Duration::from_secs(2));
         assert_eq!(rig.writes(), [single(*address, *word)], "{id}");
     }

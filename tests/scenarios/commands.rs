@@ -21,7 +21,7 @@ fn rig() -> Rig {
 }
 
 fn register(address: u16, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).unwrap())
+    Order::Go(Go::new(vec![RegisterWrite { address: address.into(), value }], None, None).unwrap())
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn a_refused_write_is_told_with_the_value_that_the_drive_kept() {
     let mut rig = rig();
     // The drive takes its run commands from the panel.
     let now = rig.now;
-    rig.bus.drive_mut(vfd_gateway::domain::ids::Station(1)).unwrap().set_locally(now, 0x0212, 2);
+    rig.bus.drive_mut(vfd_gateway::domain::ids::Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
     let ticket = rig.command(MQTT, 0, run(Forward, Some(3000)));
     assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
     assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "what the drive refused is no intent");
@@ -291,15 +291,15 @@ fn native_writes_are_reviewed_like_every_other_command() {
         (0x0211, &[3], Reason::NotAllowed),
         (0x0203, &[1], Reason::NotListed),
     ] {
-        assert_eq!(write(&mut rig, address, values), refused(reason), "{address:04X}");
+        assert_eq!(write(&mut rig, address.into(), values), refused(reason), "{address:04X}");
     }
     assert!(rig.sent.iter().all(|sent| sent.frame[1] != 6));
-    assert_eq!(write(&mut rig, RUN, &[0]), NativeOutcome::Written);
+    assert_eq!(write(&mut rig, RUN.into(), &[0]), NativeOutcome::Written);
     rig.pass(Duration::from_millis(200));
-    assert_eq!(write(&mut rig, FREQUENCY, &[3000]), NativeOutcome::Written);
+    assert_eq!(write(&mut rig, FREQUENCY.into(), &[3000]), NativeOutcome::Written);
     rig.pass(Duration::from_secs(1));
-    assert_eq!(write(&mut rig, RUN, &[1]), NativeOutcome::Written);
-    assert_eq!(write(&mut rig, 0x020C, &[50]), NativeOutcome::Written, "F007 is listed");
+    assert_eq!(write(&mut rig, RUN.into(), &[1]), NativeOutcome::Written);
+    assert_eq!(write(&mut rig, 0x020C_u16.into(), &[50]), NativeOutcome::Written, "F007 is listed");
     rig.pass(Duration::from_secs(1));
     assert!(rig.output(1) > 0);
 }

@@ -50,7 +50,7 @@ fn told(rig: &Rig, begun: MonoTime) -> String {
 
 fn meaning(frame: &[u8]) -> String {
     match Request::decode(&frame[1..frame.len() - 2]) {
-        Some(Request::ReadHolding { address, count }) => format!("station {}: read 0x{address:04X} x{count}", frame[0]),
+        Some(Request::Read { address, count }) => format!("station {}: read {address} x{count}", frame[0]),
         other => format!("{other:?}"),
     }
 }
@@ -72,7 +72,7 @@ fn three_clients_ask_and_two_share() {
     rig.read(1, 1, FREQUENCY_SETTING, 1);
     rig.read(2, 0, 0x0211, 2);
     rig.read(3, 1, FREQUENCY_SETTING, 1);
-    rig.ask(3, 0, NativeAsk::Write { address: 0x0002, values: vec![1] });
+    rig.ask(3, 0, NativeAsk::Write { address: 0x0002_u16.into(), values: vec![1] });
     while rig.step(begun + Duration::from_secs(1)) {}
     compare("sharing", &told(&rig, begun));
 }

@@ -65,7 +65,7 @@ fn full_queues_refuse_and_grow_no_further() {
     let mut rig = Rig::new(&RigOptions::default());
     let asked = READS_MAX as u64 + 100;
     for n in 0..asked {
-        rig.ask(n, 0, NativeAsk::Read { address: n as u16, count: 1 });
+        rig.ask(n, 0, NativeAsk::Read { address: (n as u16).into(), count: 1 });
     }
     let refused = outcomes(&mut rig);
     assert!(refused.iter().all(|outcome| *outcome == NativeOutcome::Refused(Refusal::QueueFull)));
@@ -73,7 +73,7 @@ fn full_queues_refuse_and_grow_no_further() {
     assert_eq!(refused.len() as u64, asked - READS_MAX as u64 - 1);
     let mut rig = Rig::new(&RigOptions::default());
     for n in 0..REQUESTS_MAX as u64 + 5 {
-        rig.ask(n, 0, NativeAsk::Read { address: PROOF, count: 1 });
+        rig.ask(n, 0, NativeAsk::Read { address: PROOF.into(), count: 1 });
     }
     assert_eq!(outcomes(&mut rig).len(), 5);
 }
@@ -86,10 +86,10 @@ fn commands_beyond_the_bound_are_refused_and_a_stop_is_not() {
     rig.pass(Duration::from_millis(100));
     rig.read(1, 0, PROOF, 8);
     for n in 0..COMMANDS_MAX as u64 + 3 {
-        rig.ask(n, 0, NativeAsk::Write { address: 0x020C, values: vec![30 + n as u16] });
+        rig.ask(n, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![30 + n as u16] });
     }
     assert_eq!(outcomes(&mut rig), vec![NativeOutcome::Refused(Refusal::QueueFull); 3]);
-    let stop = rig.ask(50, 0, NativeAsk::Write { address: 0x0002, values: vec![0] });
+    let stop = rig.ask(50, 0, NativeAsk::Write { address: 0x0002_u16.into(), values: vec![0] });
     assert_eq!(rig.answer_to(stop), NativeOutcome::Written);
 }
 

@@ -127,7 +127,7 @@ fn what_a_drive_must_not_be_told_never_reaches_its_line() {
             assert_eq!(rig.commanded(MQTT, wrong), (Outcome::Refused, Reason::OutsideLimits), "{}", model.id);
         }
         for (address, value) in forbidden(&model) {
-            let ticket = rig.ask(1, 0, NativeAsk::Write { address, values: vec![value] });
+            let ticket = rig.ask(1, 0, NativeAsk::Write { address: address.into(), values: vec![value] });
             let outcome = rig.answer_to(ticket);
             let refused = matches!(outcome, NativeOutcome::Refused(Refusal::Guard(_)));
             assert!(refused, "{}: 0x{address:04X} = {value}: {outcome:?}", model.id);
@@ -139,7 +139,7 @@ fn what_a_drive_must_not_be_told_never_reaches_its_line() {
 /// Writes to a drive's own registers that nobody may make: all that no command stands for.
 fn forbidden(model: &Model) -> Vec<(u16, u16)> {
     let run = model.run.as_ref().unwrap();
-    let command = model.register_for(Role::RunCommand).unwrap().address;
+    let command = model.register_for(Role::RunCommand).unwrap().address.number();
     let known = [Some(&run.stop), Some(&run.forward), run.reverse.as_ref(), run.coast.as_ref(), run.reset.as_ref()];
     let known: Vec<u16> = known.into_iter().chain([run.release.as_ref()]).flatten().map(|fact| fact.value).collect();
     let words = (0..16).map(|bit| 1_u16 << bit).chain([3, 0x9000, 0xFFFF]).chain(run.never.iter().map(|it| it.value));
@@ -148,7 +148,7 @@ fn forbidden(model: &Model) -> Vec<(u16, u16)> {
         let is_command = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
         !is_command
     });
-    unknown.chain(guarded.map(|register| (register.address, 1))).collect()
+    unknown.chain(guarded.map(|register| (register.address.number(), 1))).collect()
 }
 
 #[test]

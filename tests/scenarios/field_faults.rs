@@ -3,6 +3,7 @@
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, plc, run, setpoint};
 use std::time::Duration;
+use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{EchoPolicy, PortKind};
@@ -399,7 +400,9 @@ fn two_replies_to_one_request_name_the_station() {
             let NativeOutcome::Words(words) = rig.answer_to(read) else { panic!("words") };
             let is_ascii = rig.sent.last().is_some_and(|sent| sent.frame[0] == b':');
             let mut second = Vec::new();
-            framing::encode(framing_of(is_ascii), &mut second, 1, |out| pdu::encode_words_reply(out, &words));
+            framing::encode(framing_of(is_ascii), &mut second, 1, |out| {
+                pdu::encode_read_reply(out, Table::Holding, &words)
+            });
             rig.core.handle(rig.now, Input::Bytes(&second));
             rig.pass(Duration::from_secs(1));
         }

@@ -1,10 +1,11 @@
 //! Every frame printed in the manuals, both ways: as values, as bytes, and as a receiver meets it on a line.
 
 use serde_json::Value;
+use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::frame::{Expected, Found};
 use vfd_gateway::wire::framing::Assembler;
-use vfd_gateway::wire::pdu::{Reply, Request, encode_words_reply};
+use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 use vfd_gateway::wire::rtu;
 
 /// One row of the table.
@@ -45,8 +46,8 @@ impl Entry {
     /// What the request asks, as the table says it.
     fn asked(&self) -> Request {
         match self.function {
-            3 => Request::ReadHolding { address: self.address, count: self.count.unwrap() },
-            6 => Request::WriteSingle { address: self.address, value: self.raw[0] },
+            3 => Request::Read { address: self.address.into(), count: self.count.unwrap() },
+            6 => Request::WriteSingle { address: self.address.into(), value: self.raw[0] },
             other => panic!("{}: function {other}", self.what),
         }
     }
@@ -148,7 +149,7 @@ fn replies_mean_what_the_table_says_and_format_back() {
         assert_eq!(reply, Some(entry.reply()), "{}", entry.what);
         let mut again = Vec::new();
         rtu::encode(&mut again, station, |out| match entry.reply() {
-            Reply::Words(words) => encode_words_reply(out, &words),
+            Reply::Words(words) => encode_read_reply(out, Table::Holding, &words),
             _ => entry.asked().encode(out),
         });
         assert_eq!(again, adu, "{}", entry.what);
@@ -177,11 +178,11 @@ fn frames_with_a_wrong_crc_are_rejected() {
     for entry in table().iter().filter(|entry| !entry.valid_crc) {
         let body = Request::decode(&entry.request[1..6]).unwrap();
         let (function, address) = match body {
-            Request::ReadHolding { address, .. } => (3, address),
+            Request::Read { address, .. } => (3, address),
             Request::WriteSingle { address, .. } => (6, address),
             other => panic!("{other:?}"),
         };
-        assert_eq!((function, address), (entry.function, entry.address), "{}", entry.what);
+        assert_eq!((function, address.number()), (entry.function, entry.address), "{}", entry.what);
         assert!(rtu::decode(entry.correct.as_ref().unwrap()).is_some(), "{}", entry.what);
         for chunk in [1, 8] {
             let (found, rest) = heard(entry.expected(), entry.request.chunks(chunk));

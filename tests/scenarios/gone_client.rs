@@ -178,13 +178,13 @@ fn the_same_holds_for_a_reversal_whose_time_has_passed() {
 #[test]
 fn writes_to_the_drives_own_registers_are_withdrawn_too() {
     let mut rig = busy_line();
-    let ramp = rig.ask(GONE, 0, NativeAsk::Write { address: 0x020C, values: vec![30] });
+    let ramp = rig.ask(GONE, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![30] });
     leaves(&mut rig);
     assert_eq!(rig.answer_to(ramp), NativeOutcome::Refused(Refusal::Guard(Reason::CommanderLost)));
     rig.pass(Duration::from_secs(1));
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
     let mut rig = busy_and_running();
-    rig.ask(GONE, 0, NativeAsk::Write { address: RUN, values: vec![0] });
+    rig.ask(GONE, 0, NativeAsk::Write { address: RUN.into(), values: vec![0] });
     leaves(&mut rig);
     rig.pass(Duration::from_secs(1));
     assert_eq!(rig.written(RUN), [0], "but not a stop");

@@ -221,18 +221,23 @@ fn a_register_that_wears_out_is_written_if_listed_and_then_seldom() {
         let value = u16::try_from(least).unwrap();
         let address = stored.address;
         let mut rig = rig_of(&model, accepting());
-        let told = rig.commanded(MQTT, register(address, value));
+        let told = rig.commanded(MQTT, register(address.number(), value));
         assert_eq!(told, (Outcome::Refused, Reason::NotListed), "{}", model.id);
-        let mut rig = rig_of(&model, listing(vec![address]));
-        assert_ne!(rig.commanded(MQTT, register(address, value)).0, Outcome::Refused, "{} {address:04X}", model.id);
+        let mut rig = rig_of(&model, listing(vec![address.number()]));
+        assert_ne!(
+            rig.commanded(MQTT, register(address.number(), value)).0,
+            Outcome::Refused,
+            "{} {address}",
+            model.id
+        );
         rig.sent.clear();
         for _ in 0..3 {
-            let told = rig.commanded(MQTT, register(address, value));
+            let told = rig.commanded(MQTT, register(address.number(), value));
             assert_eq!(told, (Outcome::Refused, Reason::WrittenTooOften), "{}", model.id);
         }
         assert_eq!(rig.writes(), Vec::<Vec<u8>>::new(), "{}", model.id);
         rig.live(SECOND * 11);
-        assert_ne!(rig.commanded(MQTT, register(address, value)).0, Outcome::Refused, "{}", model.id);
+        assert_ne!(rig.commanded(MQTT, register(address.number(), value)).0, Outcome::Refused, "{}", model.id);
     }
     // Whoever sits at the gateway restores parameters, which no list names; no more often than that, and not while another runs it.
     let mut rig = rig_of(&model("hyundai-n700"), accepting());

@@ -87,8 +87,8 @@ fn each_attempt_is_accounted_for_once() {
         let ticket = rig.ask(1, 0, NativeAsk::Write { address, values: vec![value] });
         rig.answer_to(ticket)
     };
-    write(&mut rig, 0x020C, 50);
-    write(&mut rig, 0x0999, 50);
+    write(&mut rig, 0x020C_u16.into(), 50);
+    write(&mut rig, 0x0999_u16.into(), 50);
     rig.pass(Duration::from_secs(1));
     let [first, second, third, stop, listed, unknown] = accounts(&rig)[..] else { panic!("{:?}", accounts(&rig)) };
     assert_eq!(first, Some((Outcome::Acknowledged, Reason::None)));
@@ -103,7 +103,7 @@ fn each_attempt_is_accounted_for_once() {
     });
     let attempts: Vec<_> = attempts.collect();
     assert_eq!(attempts[3], (plc(1).owner, Tried::Order(STOP)));
-    assert_eq!(attempts[5], (ORIGIN.owner, Tried::Registers { address: 0x0999, values: vec![50] }));
+    assert_eq!(attempts[5], (ORIGIN.owner, Tried::Registers { address: 0x0999_u16.into(), values: vec![50] }));
 }
 
 #[test]
@@ -142,7 +142,7 @@ fn a_stop_ends_for_everybody_who_has_asked_for_it() {
     for client in 0..=WAITERS_MAX as u8 {
         rig.command_unsettled(plc(client), 0, STOP);
     }
-    let native = rig.ask(9, 0, NativeAsk::Write { address: RUN, values: vec![0] });
+    let native = rig.ask(9, 0, NativeAsk::Write { address: RUN.into(), values: vec![0] });
     rig.settle();
     assert_eq!(accounts(&rig).iter().filter(|it| it.is_some()).count(), 2, "there is room for so many");
     rig.answer_to(native);

@@ -5,6 +5,7 @@ use crate::support::families::{accepting, listing, models, quiet, refused, singl
 use crate::support::{MQTT, Rig, RigOptions, model, run};
 use std::sync::Arc;
 use std::time::Duration;
+use vfd_gateway::domain::address::Address;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::profile::model::{Memory, Model};
@@ -72,8 +73,8 @@ fn a_stop_in_a_block_goes_alone_and_before_all() {
 #[test]
 fn a_stop_overtakes_the_block_that_is_not_yet_through() {
     let mut rig = stopped("frecon-fr500a", accepting());
-    let block = rig.ask(1, 0, NativeAsk::Write { address: 0x2000, values: vec![1, 3000] });
-    let stop = rig.ask(2, 0, NativeAsk::Write { address: 0x2000, values: vec![5, 3000] });
+    let block = rig.ask(1, 0, NativeAsk::Write { address: 0x2000_u16.into(), values: vec![1, 3000] });
+    let stop = rig.ask(2, 0, NativeAsk::Write { address: 0x2000_u16.into(), values: vec![5, 3000] });
     assert_eq!(rig.answer_to(stop), NativeOutcome::Written);
     assert_eq!(rig.answer_to(block), NativeOutcome::Superseded);
     rig.pass(Duration::from_secs(2));
@@ -119,7 +120,7 @@ fn with_many_registers() -> Arc<Model> {
         model.registers.push(vfd_gateway::profile::model::Register {
             name,
             code,
-            address,
+            address: Address::holding(address),
             memory: Some(Memory::Ram),
             meanings: Vec::new(),
             ..like.clone()

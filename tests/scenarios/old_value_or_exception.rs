@@ -120,7 +120,7 @@ fn a_drive_that_its_panel_commands_refuses_to_run_and_no_intent_is_left() {
         let mut rig = rig_of(&model(id), accepting());
         assert_eq!(told(&mut rig, setpoint(2000)).outcome, Outcome::Confirmed, "{id}");
         let now = rig.now;
-        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, *source, *panel);
+        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*source).into(), *panel);
         assert_eq!(told(&mut rig, run(Direction::Forward, None)), report_of(*no, 0), "{id}");
         assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "{id}");
         rig.live(SECOND * 3);

@@ -31,7 +31,7 @@ fn is_read(rig: &Rig, pdu: [u8; 5]) -> usize {
 /// In place of the drive one that does not know the registers in the hole.
 fn knows_no_hole(rig: &mut Rig, bad_request: BadRequest) {
     let mut model = Model::clone(&frecon());
-    model.registers.retain(|register| !(0x3018..=0x301A).contains(&register.address));
+    model.registers.retain(|register| !(0x3018..=0x301A).contains(&register.address.number()));
     let options = DriveOptions { bad_request, ..DriveOptions::default() };
     rig.bus.connect(Station(1), SimDrive::new(Arc::new(model), options));
 }
@@ -83,7 +83,7 @@ fn oldest(rig: &mut Rig, model: &Model, drives: u16, time: Duration) -> BTreeMap
             let snapshot = rig.core.snapshot(DriveIndex(drive)).expect("a drive");
             for register in model.registers.iter().filter(|register| register.poll.is_some()) {
                 let age = snapshot.reading(register.address).map_or(Duration::MAX, |it| rig.now.since(it.at));
-                let most = oldest.entry((drive, register.address)).or_insert(age);
+                let most = oldest.entry((drive, register.address.number())).or_insert(age);
                 *most = age.max(*most);
             }
         }
@@ -140,7 +140,7 @@ fn polls_keep_their_turn_whatever_clients_ask() {
             let snapshot = rig.core.snapshot(DriveIndex(drive)).expect("a drive");
             for register in model.registers.iter().filter(|register| register.poll.is_some()) {
                 let age = snapshot.reading(register.address).map_or(Duration::MAX, |it| rig.now.since(it.at));
-                let most = ages.entry(register.address).or_insert(age);
+                let most = ages.entry(register.address.number()).or_insert(age);
                 *most = age.max(*most);
             }
         }

@@ -34,7 +34,7 @@ fn ten_thousand_times_out_and_in_leave_no_queue_and_no_miscount() {
         // Every other time while one request is on the wire and others wait.
         let in_flight = if cycle % 2 == 1 { 1 + cycle % 7 } else { 0 };
         for asker in 0..in_flight {
-            rig.ask(asker, (asker % 2) as u16, NativeAsk::Read { address: PROOF + asker as u16, count: 1 });
+            rig.ask(asker, (asker % 2) as u16, NativeAsk::Read { address: (PROOF + asker as u16).into(), count: 1 });
         }
         rig.run_until(rig.now + Duration::from_millis(cycle % 61), |_, answer| {
             assert!(matches!(answer.outcome, NativeOutcome::Words(_)), "cycle {cycle}: {answer:?}");

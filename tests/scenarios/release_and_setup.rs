@@ -150,11 +150,11 @@ fn what_a_drive_needs_is_set_from_the_gateways_own_side_and_read_back() {
         let mut rig = rig(id, accepting());
         let now = rig.now;
         for (address, word) in *items {
-            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, *address, word ^ 1);
+            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*address).into(), word ^ 1);
         }
         rig.sent.clear();
         // In whatever order they are named.
-        let addresses: Vec<u16> = items.iter().rev().map(|(address, _)| *address).collect();
+        let addresses: Vec<_> = items.iter().rev().map(|(address, _)| (*address).into()).collect();
         assert_eq!(rig.commanded(LOCAL, Order::Setup(addresses)), (Outcome::Confirmed, Reason::None), "{id}");
         let expected: Vec<_> = items.iter().map(|(address, word)| single(*address, *word)).collect();
         assert_eq!(rig.writes(), expected, "{id}");
@@ -175,7 +175,7 @@ fn nobody_else_sets_what_a_drive_needs() {
     for (id, items) in SETUP {
         let mut rig = rig(id, accepting());
         for origin in [MQTT, plc(1)] {
-            let addresses = items.iter().map(|(address, _)| *address).collect();
+            let addresses = items.iter().map(|(address, _)| (*address).into()).collect();
             refuses(&mut rig, origin, Order::Setup(addresses), Reason::NotFromHere);
         }
         assert!(rig.writes().is_empty(), "{id}");
@@ -186,13 +186,14 @@ fn nobody_else_sets_what_a_drive_needs() {
 fn nothing_but_what_a_drive_needs_is_set_that_way() {
     for model in models() {
         let mut rig = rig(&model.id, accepting());
-        let mut wrong: Vec<u16> = model.registers.iter().map(|register| register.address).collect();
+        let mut wrong: Vec<u16> = model.registers.iter().map(|register| register.address.number()).collect();
         let right = SETUP.iter().find(|(id, _)| *id == model.id).map_or(&[][..], |(_, items)| items);
         wrong.retain(|address| right.iter().all(|(needed, _)| needed != address));
         assert!(wrong.contains(&address_of(&model, Role::RunCommand)));
         for address in wrong.into_iter().chain([0x7FFF]) {
             let with_right = right.iter().map(|(needed, _)| *needed).chain([address]).collect();
             for addresses in [vec![address], with_right] {
+                let addresses = addresses.into_iter().map(Into::into).collect();
                 refuses(&mut rig, LOCAL, Order::Setup(addresses), Reason::NotCapable);
             }
         }
@@ -205,7 +206,7 @@ fn nothing_but_what_a_drive_needs_is_set_that_way() {
 fn nothing_is_set_while_the_motor_turns_or_somebody_holds_control() {
     for (id, items) in SETUP {
         let mut rig = rig(id, accepting());
-        let setup = || Order::Setup(items.iter().map(|(address, _)| *address).collect());
+        let setup = || Order::Setup(items.iter().map(|(address, _)| (*address).into()).collect());
         rig.commanded(LOCAL, run(Direction::Forward, Some(3000)));
         rig.pass(SECOND);
         rig.sent.clear();
@@ -229,13 +230,13 @@ fn nothing_is_set_while_a_panel_runs_the_motor() {
         rig.commanded(MQTT, setpoint(2000));
         let now = rig.now;
         for (address, _) in *items {
-            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, *address, 0);
+            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*address).into(), 0);
         }
         operate_panel(&mut rig, Some(Direction::Forward));
         rig.live(SECOND * 5);
         assert!(rig.output(1) > 0, "{id}");
         rig.sent.clear();
-        let addresses = items.iter().map(|(address, _)| *address).collect();
+        let addresses = items.iter().map(|(address, _)| (*address).into()).collect();
         refuses(&mut rig, LOCAL, Order::Setup(addresses), Reason::Moving);
         assert!(rig.writes().is_empty(), "{id}");
     }

@@ -169,7 +169,7 @@ fn a_write_behind_a_burst_is_not_sent_again() {
     let mut options = RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() };
     options.bus.turnaround = ms(20);
     let mut rig = Rig::new(&options);
-    let write = rig.ask(1, 0, NativeAsk::Write { address: 0x020C, values: vec![7] });
+    let write = rig.ask(1, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![7] });
     while !rig.sent.iter().any(|sent| sent.pdu[0] == 6) {
         rig.step(rig.now + ms(100));
     }

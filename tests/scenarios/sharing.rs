@@ -92,7 +92,7 @@ fn a_long_read_that_failed_is_not_gone_on_with() {
 fn writes_are_refused_and_put_nothing_on_the_line() {
     let mut rig = Rig::new(&RigOptions::default());
     for (address, values) in [(0x0002, vec![1]), (0x0002, vec![0]), (0x020C, vec![100]), (0x0004, vec![1, 2])] {
-        let ticket = rig.ask(1, 0, NativeAsk::Write { address, values });
+        let ticket = rig.ask(1, 0, NativeAsk::Write { address: address.into(), values });
         assert_eq!(rig.answer_to(ticket), NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)));
     }
     assert!(rig.frames().is_empty());

@@ -29,7 +29,7 @@ fn a_stop_waits_for_the_exchange_on_the_wire_and_for_nothing_else() {
     for lead_ms in 0..40 {
         let mut rig = running();
         for n in 0..1000 {
-            rig.ask(n % 60, 0, NativeAsk::Read { address: PROOF + (n % 200) as u16, count: 1 });
+            rig.ask(n % 60, 0, NativeAsk::Read { address: (PROOF + (n % 200) as u16).into(), count: 1 });
         }
         rig.run_until(rig.now + Duration::from_millis(lead_ms), |_, _| {});
         let before = rig.sent.len();
@@ -91,7 +91,7 @@ fn a_stop_without_a_reply_is_repeated_until_it_is_effective() {
 fn a_stop_that_the_drive_refuses_is_told_repeated_and_an_alarm() {
     let mut rig = running();
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212, 2);
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
     let ticket = rig.command(MQTT, 0, STOP);
     assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
     rig.pass(Duration::from_secs(4));
@@ -99,7 +99,7 @@ fn a_stop_that_the_drive_refuses_is_told_repeated_and_an_alarm() {
     assert!(rig.view(0).control.unwrap().not_effective);
     assert!(rig.written(RUN).len() >= 3, "it goes on being repeated");
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212, 3);
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 3);
     rig.pass(Duration::from_secs(6));
     assert!(rig.notes.iter().any(|(_, note)| *note == Note::EffectiveAtLast));
     rig.pass(Duration::from_secs(40));
@@ -110,7 +110,7 @@ fn a_stop_that_the_drive_refuses_is_told_repeated_and_an_alarm() {
 fn a_stop_without_effect_is_repeated_for_as_long_as_the_drive_answers() {
     let mut rig = running();
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212, 2);
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
     rig.command(MQTT, 0, STOP);
     rig.pass(Duration::from_secs(620));
     rig.sent.clear();
@@ -294,7 +294,7 @@ fn a_stop_that_a_resting_drive_refuses_is_settled() {
     let mut rig = Rig::new(&RigOptions { model, proof_words: None, ..RigOptions::controlled() });
     let now = rig.now;
     // F02.00: run commands from the keypad.
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200, 0);
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200_u16.into(), 0);
     assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Failed, Reason::DriveException));
     rig.pass(Duration::from_secs(2));
     let control = rig.view(0).control.unwrap();
@@ -403,7 +403,7 @@ fn a_drive_that_takes_stops_again_may_be_started() {
     let set = |rig: &mut Rig, word| {
         let now = rig.now;
         // F02.00: where run commands come from.
-        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200, word);
+        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200_u16.into(), word);
     };
     set(&mut rig, 0);
     assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Failed, Reason::DriveException));

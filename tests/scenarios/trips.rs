@@ -43,7 +43,7 @@ fn a_trip_is_told_once_with_what_was_measured() {
     let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
     let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{event:?}") };
     assert_eq!((record.code, event.count, event.while_away), (Some(7), Some(1), false));
-    assert_eq!(record.words[1], (0x0114, at_trip as u16), "the frequency at the trip");
+    assert_eq!(record.words[1], (0x0114_u16.into(), at_trip as u16), "the frequency at the trip");
     let view = rig.view(0);
     assert_eq!((view.run_state, view.trip.active, view.trip.seen), (RunState::Tripped, Some(true), 1));
 }

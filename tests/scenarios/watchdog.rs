@@ -29,7 +29,7 @@ fn settings() -> ControlSettings {
 /// An E510 of which a manual shows where its watchdog is on the line.
 fn e510() -> Arc<Model> {
     let mut model = (*model("teco-e510")).clone();
-    for register in model.registers.iter_mut().filter(|it| [TIME, REACTION].contains(&it.address)) {
+    for register in model.registers.iter_mut().filter(|it| [TIME, REACTION].contains(&it.address.number())) {
         register.confidence = Confidence::Manual;
     }
     assert!(model.watchdog_is_proven());
@@ -39,7 +39,7 @@ fn e510() -> Arc<Model> {
 /// Somebody sets a register at the drive.
 fn set(rig: &mut Rig, address: u16, word: u16) {
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, address, word);
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, address.into(), word);
 }
 
 /// A drive with a watchdog of 10 s, which coasts then.
@@ -81,7 +81,7 @@ fn it_is_shown_for_every_model_that_has_one_and_for_no_other() {
         assert_eq!(view, off, "{}: a new drive", model.id);
         assert!(rig.notes.iter().any(|(_, note)| *note == Note::Watchdog(WatchdogState::Off)), "{:?}", rig.notes);
         let time = model.watchdog.as_ref().unwrap().time;
-        set(&mut rig, time, 110);
+        set(&mut rig, time.number(), 110);
         rig.live(SECOND * 61);
         let view = rig.view(0).watchdog.unwrap();
         assert_eq!((view.state, view.time), (WatchdogState::InOrder, Some(SECOND * 11)), "{}", model.id);
@@ -259,14 +259,19 @@ fn it_is_set_by_the_gateways_own_tool_alone_and_at_standstill() {
         let Some(watchdog) = &model.watchdog else { continue };
         let all = (0..=u16::MAX).collect();
         let mut rig = rig_of(&model, ControlSettings { native_write: all, ..settings() });
-        let order = || register(watchdog.time, 100);
+        let order = || register(watchdog.time.number(), 100);
         for address in [Some(watchdog.time), watchdog.action].into_iter().flatten() {
-            let told = rig.commanded(MQTT, register(address, 1));
+            let told = rig.commanded(MQTT, register(address.number(), 1));
             assert_eq!(told, (Outcome::Refused, Reason::NotAllowed), "{}", model.id);
         }
         assert_eq!(rig.commanded(LOCAL, order()), (Outcome::Confirmed, Reason::None), "{}", model.id);
         assert_eq!(rig.view(0).watchdog.unwrap().time, Some(SECOND * 10), "{}", model.id);
-        assert_eq!(rig.writes().iter().filter(|pdu| **pdu == single(watchdog.time, 100)).count(), 1, "{}", model.id);
+        assert_eq!(
+            rig.writes().iter().filter(|pdu| **pdu == single(watchdog.time.number(), 100)).count(),
+            1,
+            "{}",
+            model.id
+        );
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(SECOND * 3);
         let (outcome, reason) = rig.commanded(LOCAL, order());

@@ -183,7 +183,7 @@ fn a_zero_in_the_native_run_command_is_one_too() {
             rig.live(SEEN);
             rig.sent.clear();
             let address = address_of(&model, Role::RunCommand);
-            let ask = NativeAsk::Write { address, values: vec![stop_word(&model)] };
+            let ask = NativeAsk::Write { address: address.into(), values: vec![stop_word(&model)] };
             let ticket = rig.ask(1, 0, ask);
             let answer = rig.answer_to(ticket);
             assert_eq!(stops(&rig, &model), 1, "{} {starter:?}: {answer:?}", model.id);

@@ -138,7 +138,7 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
             2 => (facts.listed, rng.u16(10..80)),
             _ => (rng.u16(..), rng.u16(..)),
         };
-        let ask = NativeAsk::Write { address, values: vec![value] };
+        let ask = NativeAsk::Write { address: address.into(), values: vec![value] };
         let origin = Origin { owner, rights, manner: Manner::Cyclic };
         let deadline = world.now + Duration::from_secs(5);
         let request = NativeRequest { asker, ticket: Ticket(ticket), drive, origin, ask, deadline };

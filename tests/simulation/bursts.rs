@@ -180,7 +180,7 @@ impl Walk {
             ticket: Ticket(self.ticket),
             drive: DriveIndex(self.rng.u16(0..self.drives)),
             origin: Origin { owner: Owner::Local, rights, manner: Manner::Once },
-            ask: NativeAsk::Read { address: PROOF + self.rng.u16(0..8), count: self.rng.u16(1..=self.most) },
+            ask: NativeAsk::Read { address: (PROOF + self.rng.u16(0..8)).into(), count: self.rng.u16(1..=self.most) },
             deadline: self.now + Duration::from_secs(5),
         };
         self.core.handle(self.now, Input::Native(request));

@@ -142,7 +142,7 @@ impl World {
             output: (drive.output(at).unsigned_abs() / CENTIHERTZ) as u32,
             is_tripped: drive.is_tripped(),
             trips: drive.trips(),
-            run_word: drive.word(facts.run).unwrap_or(0),
+            run_word: drive.word(facts.run.into()).unwrap_or(0),
             refuses_stops: drive.refused_stops() != RefusedStops::None,
         };
         self.checker.sees_motor(at.as_nanos(), place, state);

@@ -63,17 +63,17 @@ pub fn stopped(id: &str, control: ControlSettings) -> Rig {
 
 /// The address of the register with `role`.
 pub fn address_of(model: &Model, role: Role) -> u16 {
-    model.register_for(role).expect("the model has it").address
+    model.register_for(role).expect("the model has it").address.number()
 }
 
 /// An order that sets one register.
 pub fn register(address: u16, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).expect("not empty"))
+    Order::Go(Go::new(vec![RegisterWrite { address: address.into(), value }], None, None).expect("not empty"))
 }
 
 /// Writes registers as a client of native units does, and waits for the answer.
 pub fn write(rig: &mut Rig, address: u16, values: &[u16]) -> NativeOutcome {
-    let ticket = rig.ask(1, 0, NativeAsk::Write { address, values: values.to_vec() });
+    let ticket = rig.ask(1, 0, NativeAsk::Write { address: address.into(), values: values.to_vec() });
     rig.answer_to(ticket)
 }
 

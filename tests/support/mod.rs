@@ -303,7 +303,7 @@ impl Rig {
 
     /// Asks for `count` words from `address` of the drive at `index`, with 5 s of patience.
     pub fn read(&mut self, asker: u64, index: u16, address: u16, count: u16) -> Ticket {
-        self.ask(asker, index, NativeAsk::Read { address, count })
+        self.ask(asker, index, NativeAsk::Read { address: address.into(), count })
     }
 
     pub fn ask(&mut self, asker: u64, index: u16, ask: NativeAsk) -> Ticket {

@@ -5,6 +5,7 @@ use super::{list, ms};
 use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
+use crate::domain::address::Address;
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe, Ownership};
 use crate::line::budget::{Budget, PlannedRead};
 use crate::line::timeouts::Class;
@@ -69,13 +70,14 @@ fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget, reads: &[Pla
         let group = read.group;
         let period = read.period.mul_f64(budget.stretch);
         let age = budget.age(read);
-        let names: Vec<_> = (0..group.count)
-            .filter_map(|offset| drive.model.register_at(group.address.wrapping_add(offset)))
+        let addresses = group.address.onwards().take(group.count.into());
+        let names: Vec<_> = addresses
+            .filter_map(|address| drive.model.register_at(address))
             .map(|register| register.name.as_str())
             .collect();
         writeln!(
             text,
-            "    every {} a read of 0x{:04X} x{} ({}), age at most about {}",
+            "    every {} a read of {} x{} ({}), age at most about {}",
             ms(period),
             group.address,
             group.count,
@@ -202,7 +204,7 @@ fn setup(text: &mut String, model: &Model, line: &LineSettings) -> Result {
     for item in items {
         let place = item.address.map_or_else(
             || "at the drive itself".to_owned(),
-            |address| format!("0x{address:04X} = {}", item.values.value.first().copied().unwrap_or_default()),
+            |address| format!("{address} = {}", item.values.value.first().copied().unwrap_or_default()),
         );
         writeln!(text, "      {}: {} ({place})", item.what, item.text)?;
     }
@@ -238,10 +240,10 @@ fn watchdog_chain(text: &mut String, drive: &DriveSettings, gap: Duration) -> Re
 }
 
 fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result {
-    let called = |address: u16| {
+    let called = |address: Address| {
         let register = model.register_at(address);
         let name = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
-        format!("{name} (0x{address:04X})")
+        format!("{name} ({address})")
     };
     write!(text, "    the drive's own watchdog: {}, {} is off", called(watchdog.time), watchdog.off.value)?;
     match watchdog.action {

@@ -1,6 +1,7 @@
 //! What a scan tries, in which order, and how long that takes: settings, the reads that find drives, the reads that
 //! distinguish models. All of it follows from the models.
 
+use crate::domain::address::Table;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::gateway::DriveSetup;
 use crate::journal::Remembered;
@@ -231,8 +232,13 @@ pub fn readable(model: &Model, address: u16) -> Option<&Register> {
     model.register_at(address).filter(|register| register.access.can_read())
 }
 
-/// A few addresses, one of which each of `models` answers. A drive whose exceptions are known answers any request; for
-/// others it is unknown how they handle an address that they do not have.
+/// What a scan reads: holding registers alone.
+fn is_holding(register: &&Register) -> bool {
+    register.access.can_read() && register.address.table() == Table::Holding
+}
+
+/// Few addresses, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked;
+/// of others nobody knows what they do about an address that they do not have.
 pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
     let answers = |model: &Model, address| readable(model, address).is_some() || !model.exceptions.is_empty();
     let mut left: Vec<&Arc<Model>> = models.iter().collect();
@@ -240,7 +246,7 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
     while !left.is_empty() {
         let addresses: BTreeSet<u16> = left
             .iter()
-            .flat_map(|model| model.registers.iter().filter(|it| it.access.can_read()).map(|it| it.address))
+            .flat_map(|model| model.registers.iter().filter(is_holding).map(|it| it.address.number()))
             .collect();
         let count = |address: u16| left.iter().filter(|model| answers(model, address)).count();
         // Of equal ones the lowest.
@@ -256,9 +262,9 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
 pub fn telling(model: &Model, all: &[Arc<Model>]) -> Vec<u16> {
     let others =
         |address| all.iter().filter(|other| other.id != model.id && readable(other, address).is_some()).count();
-    let mut registers: Vec<_> = model.registers.iter().filter(|register| register.access.can_read()).collect();
-    registers.sort_by_key(|register| (others(register.address), register.confidence, register.address));
-    registers.iter().map(|register| register.address).take(TELLING).collect()
+    let mut registers: Vec<_> = model.registers.iter().filter(is_holding).collect();
+    registers.sort_by_key(|register| (others(register.address.number()), register.confidence, register.address));
+    registers.iter().map(|register| register.address.number()).take(TELLING).collect()
 }
 
 /// An address that none of `models` has.

@@ -113,7 +113,7 @@ impl Asker for Simulated {
             ticket: Ticket(0),
             drive: DriveIndex(u16::try_from(place).unwrap()),
             origin,
-            ask: NativeAsk::Read { address, count: 1 },
+            ask: NativeAsk::Read { address: address.into(), count: 1 },
             deadline,
         };
         let core = self.core.as_mut().unwrap();

@@ -193,7 +193,7 @@ fn the_example_file_resolves() {
     let [pump_1, pump_2] = config.lines[0].drives.as_slice() else { panic!("two drives") };
     assert_eq!(pump_1.reply_timeout, Some(Duration::from_millis(300)));
     let added = pump_1.model.register_named("my_value").unwrap();
-    assert_eq!((added.address, added.code.as_deref(), added.scale), (0x0333, Some("X123"), 10));
+    assert_eq!((added.address.number(), added.code.as_deref(), added.scale), (0x0333, Some("X123"), 10));
     assert_eq!(pump_2.model.register_named("my_value"), None);
     assert_eq!((pump_2.unit.get(), pump_2.reply_timeout), (2, None));
     assert_eq!(config.listeners[0].lines, Some(vec![0]));

@@ -1,6 +1,7 @@
 //! What a configuration may say hangs on the form and the quirks of its models; and models of the operator's own.
 
 use super::*;
+use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::Ratings;
 use crate::profile::model::{Access, Confidence, Fact, Memory, Model, Role};
@@ -46,7 +47,7 @@ fn in_per_cent() -> Model {
         let mut current = output.clone();
         current.role = Some(Role::OutputCurrent);
         current.unit = UnitOfMeasure::Percent;
-        current.address = 0x0102;
+        current.address = 0x0102_u16.into();
         current.name = "output_current".to_owned();
         it.registers.push(current);
     })
@@ -140,13 +141,10 @@ fn with_twins() -> Model {
         let output = it.registers.iter().find(|it| it.role == Some(Role::OutputFrequency)).unwrap().clone();
         for (address, name, back_door) in [(0x0100, "plain", None), (0x0102, "door", Some("another way to run"))] {
             let mut register = output.clone();
-            register.address = address;
-            register.role = None;
-            register.poll = None;
-            register.access = Access::ReadWrite;
-            register.memory = Some(Memory::Ram);
-            register.name = name.to_owned();
-            register.back_door = back_door.map(str::to_owned);
+            register.address = Address::holding(address);
+            (register.role, register.poll) = (None, None);
+            (register.access, register.memory) = (Access::ReadWrite, Some(Memory::Ram));
+            (register.name, register.back_door) = (name.to_owned(), back_door.map(str::to_owned));
             it.registers.push(register);
         }
     })
@@ -190,7 +188,7 @@ fn a_stored_twin_is_listed_by_its_own_address() {
 fn a_register_of_the_configuration_is_no_way_to_a_twin() {
     let mut twins = with_twins();
     let mut added = twins.register_at(0x0100).unwrap().clone();
-    added.address = 0x8002;
+    added.address = Address::holding(0x8002);
     added.name = "mine".to_owned();
     twins.registers.push(added);
     let found = settled(&twins, "write = []", "write = ['mine']").unwrap_err();

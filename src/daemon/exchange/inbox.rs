@@ -195,7 +195,7 @@ mod tests {
     /// A write that stops.
     fn stop() -> Message {
         let origin = Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
-        let ask = NativeAsk::Write { address: 2, values: vec![0] };
+        let ask = NativeAsk::Write { address: 2_u16.into(), values: vec![0] };
         let (asker, ticket, drive, deadline) = (AskerId(1), Ticket(1), DriveIndex(0), MonoTime::NEVER);
         Message::NativeStop(NativeRequest { asker, ticket, drive, origin, ask, deadline })
     }

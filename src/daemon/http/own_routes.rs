@@ -6,6 +6,7 @@ use crate::config::change::ChangeNote;
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::LocalSide;
 use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
+use crate::domain::address::Address;
 use crate::domain::command::{Go, Outcome, Reason, Report};
 use crate::domain::problem::Problem;
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
@@ -70,7 +71,9 @@ async fn carry_out(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> 
     let carried_out = tokio::spawn(async move {
         let _place = place;
         match wish {
-            SettingRequest::Setup(addresses) => setup::set(&side, &drive, addresses).await,
+            SettingRequest::Setup(addresses) => {
+                setup::set(&side, &drive, addresses.into_iter().map(Address::holding).collect()).await
+            }
             SettingRequest::Watchdog(time) => watchdog::set(&side, &drive, time).await,
         }
     });

@@ -7,6 +7,7 @@ use super::setup::{outcome, seen};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
+use crate::domain::address::Address;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::drive::view::RunState;
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_word};
@@ -53,7 +54,7 @@ fn parameter(model: &Model, register: &Register) -> Value {
         "code": register.label(),
         "name": register.name,
         "title": register.title,
-        "address": register.address,
+        "address": register.address.number(),
         "unit": register.unit.symbol(),
         "kind": register.parameter_kind().word(),
         "reason": register.back_door,
@@ -71,14 +72,15 @@ fn left_out(model: &Model) -> Vec<Value> {
     };
     let left_out = model.registers.iter().filter_map(|register| {
         let reason = reason(register)?;
-        Some(json!({ "code": register.label(), "address": register.address, "reason": reason }))
+        Some(json!({ "code": register.label(), "address": register.address.number(), "reason": reason }))
     });
     left_out.collect()
 }
 
 /// A group of parameters, including those that the model does not describe: the drive may or may not have them.
 fn others(model: &Model, group: &Group) -> Value {
-    let unknown = model.addresses_of(group).filter(|address| model.register_at(*address).is_none());
+    let unknown =
+        model.addresses_of(group).filter(|address| model.register_at(*address).is_none()).map(Address::number);
     json!({ "name": group.name, "unknown": unknown.collect::<Vec<_>>() })
 }
 
@@ -88,15 +90,15 @@ async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(S
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
     let model = &drive.description.model;
     let register = readable(&drive, address);
-    // An address without a register is read as a plain number if it lies in a group of parameters.
-    let in_group = model.code_in_group(address).filter(|_| model.register_at(address).is_none());
+    // What no register stands for is read as the number that it is, where it lies in a group of parameters.
+    let in_group = model.code_in_group(address.into()).filter(|_| model.register_at(address).is_none());
     let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else { return no_parameter(&name, address) };
     // Some drives do not answer for a parameter that they do not have and would count as silent: not while the motor
     // turns.
     let at_rest = matches!(run_state(&drive.view.load()), RunState::Stopped | RunState::Tripped);
     let found = match register {
         None if !at_rest => Err(Report::refused(Reason::Moving)),
-        _ => side.read(drive.description.place, address, clock::now() + READ_WITHIN).await,
+        _ => side.read(drive.description.place, address.into(), clock::now() + READ_WITHIN).await,
     };
     let mut shown = seen(register, Some(&found));
     shown.insert("address".to_owned(), address.into());
@@ -139,11 +141,11 @@ fn no_parameter(name: &str, address: u16) -> Response {
 async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, word: u16) -> Value {
     let (description, model) = (&drive.description, &*drive.description.model);
     let (name, place) = (description.name.as_str(), description.place);
-    let old = match side.read(place, address, clock::now() + READ_WITHIN).await {
+    let old = match side.read(place, address.into(), clock::now() + READ_WITHIN).await {
         Ok(old) => old,
         Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
     };
-    let Some(go) = Go::new(vec![RegisterWrite { address, value: word }], None, None) else {
+    let Some(go) = Go::new(vec![RegisterWrite { address: address.into(), value: word }], None, None) else {
         return outcome(name, Report::refused(Reason::NotUnderstood), Vec::new());
     };
     let report = side.command(Who::TOOL, place, Order::Go(go)).await;

@@ -3,6 +3,7 @@
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
+use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;
@@ -41,9 +42,9 @@ pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
     })
 }
 
-/// Sets the registers at `addresses` to what the model demands, and reports the outcome. The old values are read first,
-/// because they are logged.
-pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u16>) -> Value {
+/// Sets the registers at `addresses` to what the model demands, and tells what became of it. What was there before is
+/// read first, because the log has to say it.
+pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Address>) -> Value {
     let (name, place) = (&drive.description.name, drive.description.place);
     let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
     if !addresses.iter().all(|address| items.iter().any(|item| item.address == Some(*address))) {
@@ -57,7 +58,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<u1
         let old = old.iter().find(|(at, _)| Some(*at) == item.address).and_then(|(_, found)| found.as_ref().ok());
         let (outcome, reason) = (report.outcome.word(), report.reason.word());
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
-        changes.push(json!({ "what": what, "address": item.address, "old": old, "new": new }));
+        changes.push(json!({ "what": what, "address": item.address.map(Address::number), "old": old, "new": new }));
     }
     outcome(name.as_str(), report, changes)
 }
@@ -82,14 +83,14 @@ fn concerned<'d>(side: &LocalSide, drive: &'d SharedDrive) -> impl Iterator<Item
     drive.description.model.setup.iter().filter(move |item| concerns(item.interface))
 }
 
-fn is_among(item: &SetupItem, addresses: &[u16]) -> bool {
+fn is_among(item: &SetupItem, addresses: &[Address]) -> bool {
     item.address.is_some_and(|address| addresses.contains(&address))
 }
 
 /// Reads each register once, one after the other.
-async fn read(side: &LocalSide, place: DriveRef, addresses: impl Iterator<Item = u16>) -> Vec<(u16, Found)> {
+async fn read(side: &LocalSide, place: DriveRef, addresses: impl Iterator<Item = Address>) -> Vec<(Address, Found)> {
     let deadline = clock::now() + READ_WITHIN;
-    let mut found: Vec<(u16, Found)> = Vec::new();
+    let mut found: Vec<(Address, Found)> = Vec::new();
     for address in addresses {
         if !found.iter().any(|(at, _)| *at == address) {
             found.push((address, side.read(place, address, deadline).await));
@@ -118,7 +119,7 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
     let mut shown = seen(register, found);
     shown.insert("what".to_owned(), item.what.as_str().into());
     shown.insert("text".to_owned(), item.text.as_str().into());
-    shown.insert("address".to_owned(), item.address.into());
+    shown.insert("address".to_owned(), item.address.map(Address::number).into());
     let wanted = item.values.value.iter().map(|value| word(register, *value)).collect::<Vec<_>>();
     shown.insert("wanted".to_owned(), wanted.into());
     shown.insert("result".to_owned(), result.into());
@@ -128,7 +129,7 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
 fn shown_watchdog<'f>(
     drive: &SharedDrive,
     watchdog: &Watchdog,
-    found_at: impl Fn(u16) -> Option<&'f Found>,
+    found_at: impl Fn(Address) -> Option<&'f Found>,
 ) -> Map<String, Value> {
     let model = &*drive.description.model;
     let register = model.register_at(watchdog.time);

@@ -49,13 +49,13 @@ impl Drive {
         match message {
             Message::Native(request) => {
                 let NativeAsk::Read { address, count: 1 } = request.ask else { panic!("{request:?}") };
-                let held = self.words.lock().unwrap().get(&address).copied();
+                let held = self.words.lock().unwrap().get(&address.number()).copied();
                 let outcome = held.map_or(NativeOutcome::NoReply, |word| NativeOutcome::Words(vec![word].into()));
                 News::Native(NativeAnswer { asker: request.asker, ticket: request.ticket, outcome })
             }
             Message::Command(command) => {
                 if let Order::Setup(addresses) = &command.order {
-                    self.words.lock().unwrap().extend(addresses.iter().map(|address| (*address, 3)));
+                    self.words.lock().unwrap().extend(addresses.iter().map(|address| (address.number(), 3)));
                 }
                 self.orders.lock().unwrap().push(command.order);
                 let report = Report::new(Outcome::Confirmed, Reason::None);
@@ -147,9 +147,9 @@ fn an_item_of_the_other_interface_is_left_out() {
 fn watched(model: &mut Model) {
     let off = Fact { value: 0, confidence: Confidence::Manual, source: "test".to_owned() };
     model.watchdog = Some(Watchdog {
-        time: F007,
+        time: (F007).into(),
         off,
-        action: Some(F010),
+        action: Some((F010).into()),
         action_digit: None,
         keeps_running: Vec::new(),
         stops: vec![0, 1, 2, 3],
@@ -193,7 +193,7 @@ fn exactly_what_is_named_is_ordered_and_told_with_old_and_new() {
     });
     assert_eq!((status, &answer["outcome"]), (200, &json!("confirmed")), "{answer}");
     assert_eq!(answer["changes"], json!([{ "what": "F011", "address": F011, "old": 2, "new": 3 }]));
-    assert_eq!(*drive.orders.lock().unwrap(), [Order::Setup(vec![F011])]);
+    assert_eq!(*drive.orders.lock().unwrap(), [Order::Setup(vec![(F011).into()])]);
 }
 
 #[test]

@@ -121,8 +121,8 @@ pub(super) const UP: LineReport = LineReport {
 pub(super) fn online(at: MonoTime) -> DriveView {
     let mut snapshot = DriveSnapshot::default();
     snapshot.presence = Presence::Online;
-    snapshot.take(0x0101, &[5000], at);
-    snapshot.take(0x0112, &[3], at);
+    snapshot.take(0x0101_u16.into(), &[5000], at);
+    snapshot.take(0x0112_u16.into(), &[3], at);
     DriveView { line_is_up: true, snapshot, run_state: RunState::Forward, ..DriveView::default() }
 }
 

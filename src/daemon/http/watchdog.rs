@@ -34,6 +34,6 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     tracing::info!(
         drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "drive watchdog set"
     );
-    let change = json!({ "what": what, "address": address, "old": old, "new": value });
+    let change = json!({ "what": what, "address": address.number(), "old": old, "new": value });
     outcome(name, report, vec![change])
 }

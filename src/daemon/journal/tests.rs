@@ -289,7 +289,7 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
         Entry::Trip(TripEvent { kind, count: None, at: MonoTime::ZERO, while_away: false }, TripBaseline::default())
     };
     let attempt = |id| {
-        let tried = Tried::Registers { address: 1, values: vec![2] };
+        let tried = Tried::Registers { address: 1_u16.into(), values: vec![2] };
         Entry::Attempt(Attempt { id: AttemptId(id), owner: Owner::Mqtt, tried, report: None })
     };
     let mut database = open();

@@ -160,7 +160,7 @@ impl ToolLine {
     /// # Errors
     /// Why there is no word.
     pub async fn read(&self, place: u16, address: u16, deadline: MonoTime) -> Result<u16, Report> {
-        self.side.read(DriveRef { line: 0, drive: DriveIndex(place) }, address, deadline).await
+        self.side.read(DriveRef { line: 0, drive: DriveIndex(place) }, address.into(), deadline).await
     }
 
     /// Gives the port back.

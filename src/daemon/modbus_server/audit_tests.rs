@@ -73,7 +73,7 @@ fn what_a_full_inbox_does_not_take_is_kept_as_the_order_that_it_was() {
         assert_eq!(ask(&mut stream, 101, &[6, 1, 2, 0, 0]).await, [0x86, 6], "to renew is no attempt");
         let tried: Vec<_> = kept.take().into_iter().map(|(place, attempt)| (place, attempt.tried)).collect();
         let stop = Tried::Order(Order::Stop { setpoint: None });
-        assert_eq!(tried, [(drive(0), stop), (drive(0), Tried::Registers { address: 2, values: vec![0] })]);
+        assert_eq!(tried, [(drive(0), stop), (drive(0), Tried::Registers { address: 2_u16.into(), values: vec![0] })]);
     });
 }
 

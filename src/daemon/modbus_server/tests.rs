@@ -259,7 +259,10 @@ fn a_native_request_goes_to_its_line_and_comes_back() {
     play(EVERY_LINE, |plant, mut stream| async move {
         send(&mut stream, &[(9, 4, &[4, 1, 1, 0, 1])]).await;
         let request = plant.native(1).await;
-        assert_eq!((request.drive, &request.ask), (DriveIndex(1), &NativeAsk::Read { address: 0x0101, count: 1 }));
+        assert_eq!(
+            (request.drive, &request.ask),
+            (DriveIndex(1), &NativeAsk::Read { address: 0x0101_u16.into(), count: 1 })
+        );
         let outcome = NativeOutcome::Words([6000].into());
         let news = NativeAnswer { asker: request.asker, ticket: request.ticket, outcome };
         plant.answers.put(&mut vec![News::Native(news)]);
@@ -366,7 +369,7 @@ fn a_full_inbox_is_busy_except_for_stops() {
         send(&mut stream, &[(6, 1, &[6, 0, 2, 0, 0]), (8, 1, &[6, 0, 2, 0, 1])]).await;
         assert_eq!(answer(&mut stream).await, (8, 1, vec![0x86, 6]), "to run is no stop");
         let NativeRequest { asker, ticket, ask, .. } = plant.native(0).await;
-        assert_eq!(ask, NativeAsk::Write { address: 2, values: vec![0] });
+        assert_eq!(ask, NativeAsk::Write { address: 2_u16.into(), values: vec![0] });
         plant.answers.put(&mut vec![News::Native(NativeAnswer { asker, ticket, outcome: NativeOutcome::Written })]);
         assert_eq!(answer(&mut stream).await, (6, 1, vec![6, 0, 2, 0, 0]));
         plant.fill(0);

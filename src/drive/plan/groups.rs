@@ -1,5 +1,6 @@
 //! Which registers share a read: neighbours, and those with only registers between them that may be read along.
 
+use crate::domain::address::Address;
 use crate::profile::model::{Confidence, FactPart, Model, PollClass, Register};
 use std::time::Duration;
 
@@ -44,7 +45,7 @@ impl Pace {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PollGroup {
     /// First register.
-    pub address: u16,
+    pub address: Address,
     /// Number of words.
     pub count: u16,
     /// How often.
@@ -58,19 +59,20 @@ impl PollGroup {
         pace.period(self.class)
     }
 
-    /// One read for both groups: first register, number of words, and number of words between the groups. `None` if it
-    /// is too long for `model`.
-    pub(super) fn with(&self, other: &Self, model: &Model) -> Option<(u16, u16, u16)> {
+    /// One read for both, if `model` takes one so long: its first register, its words, and those of them that lie between
+    /// the two groups.
+    pub(super) fn with(&self, other: &Self, model: &Model) -> Option<(Address, u16, u16)> {
         let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
-        let hole = high.address.checked_sub(low.address.checked_add(low.count)?)?;
+        let hole = high.address.offset_from(low.address.checked_add(low.count)?)?;
         let words = low.count.checked_add(hole)?.checked_add(high.count)?;
         (hole <= HOLE_MAX && words <= model.words_in_one_read(low.address)).then_some((low.address, words, hole))
     }
 
     /// The registers between the two groups.
-    pub(super) fn between(&self, other: &Self) -> std::ops::Range<u16> {
+    pub(super) fn between(&self, other: &Self) -> impl Iterator<Item = Address> {
         let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
-        low.address.saturating_add(low.count)..high.address
+        let end = high.address;
+        low.address.saturating_add(low.count).onwards().take_while(move |address| *address < end)
     }
 }
 
@@ -115,14 +117,14 @@ pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec
     groups
 }
 
-/// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read.
-/// On some drives an address that does not exist fails the whole read.
-pub(super) fn may_be_read_along(model: &Model, address: u16) -> bool {
+/// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read. A
+/// number that does not exist spoils a whole read on some drives.
+pub(super) fn may_be_read_along(model: &Model, address: Address) -> bool {
     model.register_at(address).is_some_and(|register| register.access.can_read() && is_documented(register))
 }
 
 fn is_shown(model: &Model, group: &PollGroup) -> bool {
-    (group.address..=group.address.saturating_add(group.count - 1)).all(|address| may_be_read_along(model, address))
+    group.address.onwards().take(group.count.into()).all(|address| may_be_read_along(model, address))
 }
 
 /// Whether documents of the model show it. What only the operator states may be wrong.
@@ -130,6 +132,6 @@ fn is_documented(register: &Register) -> bool {
     register.proves(FactPart::Reading) && register.confidence != Confidence::Configured
 }
 
-fn follows(model: &Model, group: &PollGroup, address: u16) -> bool {
+fn follows(model: &Model, group: &PollGroup, address: Address) -> bool {
     group.address.checked_add(group.count) == Some(address) && group.count < model.words_in_one_read(group.address)
 }

@@ -4,6 +4,7 @@
 //! are offset against each other by parts of a slot. Groups that can share a read fall due together.
 
 use super::groups::{Pace, PollGroup, may_be_read_along};
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, PollClass};
 use std::time::Duration;
@@ -73,9 +74,10 @@ fn own_moment(
 fn lead_of(model: &Model, groups: &[PollGroup], at: usize, pace: Pace) -> Option<usize> {
     let group = groups.get(at)?;
     let leads = |lead: &PollGroup| {
-        let long = group.period(pace).as_nanos();
-        let short = lead.period(pace).as_nanos().max(1);
-        let is_polled = |address| groups.iter().any(|it| (it.address..it.address + it.count).contains(&address));
+        let (long, short) = (group.period(pace).as_nanos(), lead.period(pace).as_nanos().max(1));
+        let is_polled = |address| {
+            groups.iter().any(|it| Address::offset_from(address, it.address).is_some_and(|offset| offset < it.count))
+        };
         long.is_multiple_of(short)
             && lead.with(group, model).is_some()
             && lead.between(group).all(|address| is_polled(address) || may_be_read_along(model, address))

@@ -15,31 +15,46 @@ fn model() -> Model {
 fn neighbours_share_a_frame_and_classes_do_not() {
     let groups: Vec<_> = groups(&model()).iter().map(|group| (group.address, group.count)).collect();
     // D001; trip count; F001; F010 and F011 together
-    assert_eq!(groups, [(0x0101, 1), (0x0112, 1), (0x0201, 1), (0x0211, 2)]);
+    assert_eq!(
+        groups,
+        [
+            (Address::holding(0x0101), 1),
+            (Address::holding(0x0112), 1),
+            (Address::holding(0x0201), 1),
+            (Address::holding(0x0211), 2)
+        ]
+    );
 }
 
 #[test]
 fn neighbours_that_are_due_together_go_together_whatever_their_class() {
     let mut model = model();
-    let slow = |address: u16| Register { address, poll: Some(PollClass::Slow), ..model.registers[2].clone() };
-    let before = slow(0x0100);
-    let after = slow(0x0102);
+    let slow =
+        |address: u16| Register { address: address.into(), poll: Some(PollClass::Slow), ..model.registers[2].clone() };
+    let (before, after) = (slow(0x0100), slow(0x0102));
     model.registers.extend([before, after]);
     model.registers.sort_by_key(|register| register.address);
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
     let fast = |plan: &PollPlan| plan.iter().find(|(_, group, _)| group.address == 0x0101).map(|(index, ..)| index);
     let index = fast(&plan).unwrap();
-    assert_eq!(plan.take(index, at(0), &model, |_, _| true), Some((0x0100, 3)), "all are due at the start");
+    assert_eq!(
+        plan.take(index, at(0), &model, |_, _| true),
+        Some((Address::holding(0x0100), 3)),
+        "all are due at the start"
+    );
     // Each goes along with every fourth of the fast ones, and not both with the same.
     let taken: Vec<_> = (1..=8).filter_map(|n| plan.take(index, at(n * 100), &model, |_, _| true)).collect();
-    let with_after = (0x0101, 2);
-    let alone = (0x0101, 1);
-    let with_before = (0x0100, 2);
+    let (with_after, alone, with_before) =
+        ((Address::holding(0x0101), 2), (Address::holding(0x0101), 1), (Address::holding(0x0100), 2));
     assert_eq!(taken, [with_after, alone, alone, with_before, with_after, alone, alone, with_before]);
     let due = plan.iter().filter(|(_, _, due)| *due <= at(800)).count();
     assert_eq!(due, 3, "those elsewhere still wait");
-    assert_eq!(plan.take(index, at(900), &model, |_, words| words < 2), Some((0x0101, 1)), "as far as it may");
+    assert_eq!(
+        plan.take(index, at(900), &model, |_, words| words < 2),
+        Some((Address::holding(0x0101), 1)),
+        "as far as it may"
+    );
 }
 
 #[test]
@@ -68,21 +83,22 @@ fn what_is_not_proven_is_read_apart_until_it_is_answered_and_seldom_if_it_never_
     let mut model = model();
     let at = MonoTime::from_millis;
     let output = model.registers.iter().position(|register| register.address == 0x0101).unwrap();
-    let unproven = Register { address: 0x0102, confidence: Confidence::Inferred, ..model.registers[output].clone() };
+    let unproven =
+        Register { address: 0x0102_u16.into(), confidence: Confidence::Inferred, ..model.registers[output].clone() };
     model.registers.insert(output + 1, unproven);
     assert_eq!(groups(&model)[0].count, 2, "what a line is planned with");
     let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
-    assert_eq!(plan.take(0, at(0), &model, |_, _| true), Some((0x0101, 1)));
-    assert_eq!(plan.take(1, at(0), &model, |_, _| true), Some((0x0102, 1)));
+    assert_eq!(plan.take(0, at(0), &model, |_, _| true), Some((Address::holding(0x0101), 1)));
+    assert_eq!(plan.take(1, at(0), &model, |_, _| true), Some((Address::holding(0x0102), 1)));
     for round in 1..=6_u64 {
-        plan.unanswered(0x0102, 1, at(round * 100));
+        plan.unanswered(0x0102_u16.into(), 1, at(round * 100));
         assert_eq!(plan.entries[1].due <= at(700), round < 4, "{round}: silence alone tells nothing");
         if round >= 2 {
-            plan.answered(0x0101, 1);
+            plan.answered(0x0101_u16.into(), 1);
         }
     }
-    plan.answered(0x0102, 1);
-    assert_eq!(plan.take(0, at(4_000_000), &model, |_, _| true), Some((0x0101, 2)), "known now");
+    plan.answered(0x0102_u16.into(), 1);
+    assert_eq!(plan.take(0, at(4_000_000), &model, |_, _| true), Some((Address::holding(0x0101), 2)), "known now");
 }
 
 fn built_in(id: &str) -> Model {
@@ -94,7 +110,12 @@ fn built_in(id: &str) -> Model {
 fn with_registers(addresses: &[(u16, Option<PollClass>)]) -> Model {
     let mut model = model();
     let like = model.registers[2].clone();
-    let register = |&(address, poll)| Register { address, poll, access: Access::Read, ..like.clone() };
+    let register = |&(address, poll): &(u16, Option<PollClass>)| Register {
+        address: address.into(),
+        poll,
+        access: Access::Read,
+        ..like.clone()
+    };
     model.registers = addresses.iter().map(register).collect();
     model
 }
@@ -105,8 +126,8 @@ const SLOW: Option<PollClass> = Some(PollClass::Slow);
 fn a_hole_is_read_along_where_all_of_it_is_listed_readable_and_documented() {
     let bridged = [(0x0101, SLOW), (0x0102, None), (0x0103, None), (0x0104, SLOW)];
     let read = |model: &Model| groups(model).iter().map(|group| (group.address, group.count)).collect::<Vec<_>>();
-    assert_eq!(read(&with_registers(&bridged)), [(0x0101, 4)]);
-    let apart = [(0x0101, 1), (0x0104, 1)];
+    assert_eq!(read(&with_registers(&bridged)), [(Address::holding(0x0101), 4)]);
+    let apart = [(Address::holding(0x0101), 1), (Address::holding(0x0104), 1)];
     let spoil: [fn(&mut Model); 5] = [
         |model| drop(model.registers.remove(1)),
         |model| model.registers[1].access = Access::Write,
@@ -120,13 +141,17 @@ fn a_hole_is_read_along_where_all_of_it_is_listed_readable_and_documented() {
         assert_eq!(read(&model), apart, "{n}");
     }
     let boundary = [(0x01FE, SLOW), (0x01FF, None), (0x0200, SLOW)];
-    assert_eq!(read(&with_registers(&boundary)), [(0x01FE, 1), (0x0200, 1)]);
+    assert_eq!(read(&with_registers(&boundary)), [(Address::holding(0x01FE), 1), (Address::holding(0x0200), 1)]);
     let mut wide: Vec<_> = (0x0101..=0x010B).map(|address| (address, None)).collect();
     wide[0].1 = SLOW;
     wide[10].1 = SLOW;
     let mut model = with_registers(&wide);
     model.read.max_words.value = 30;
-    assert_eq!(read(&model), [(0x0101, 1), (0x010B, 1)], "9 words cost more than they save");
+    assert_eq!(
+        read(&model),
+        [(Address::holding(0x0101), 1), (Address::holding(0x010B), 1)],
+        "9 words cost more than they save"
+    );
 }
 
 #[test]
@@ -137,16 +162,16 @@ fn what_is_planned_is_what_is_read() {
         let mut plan = PollPlan::new(&model, Pace::new(Duration::from_secs(1), 1.0), at, PlaceOnLine::ALONE);
         // Once it has answered for everything.
         plan.entries.iter_mut().for_each(|entry| entry.is_trusted = true);
-        let is_polled = |address: &u16| model.register_at(*address).is_some_and(|it| it.poll.is_some());
-        let mut read = Vec::new();
-        let mut reads = 0;
+        let is_polled = |address: &Address| model.register_at(*address).is_some_and(|it| it.poll.is_some());
+        let (mut read, mut reads) = (Vec::new(), 0);
         let due = |plan: &PollPlan| plan.iter().find(|(.., due)| *due <= at).map(|(index, ..)| index);
         while let Some(index) = due(&plan) {
             let (address, count) = plan.take(index, at, &model, |_, _| true).unwrap();
-            read.extend((address..address + count).filter(is_polled));
+            read.extend(address.onwards().take(count.into()).filter(is_polled));
             reads += 1;
         }
-        let mut planned: Vec<u16> = groups(&model).iter().flat_map(|it| it.address..it.address + it.count).collect();
+        let words = |it: &PollGroup| it.address.onwards().take(it.count.into());
+        let mut planned: Vec<Address> = groups(&model).iter().flat_map(words).collect();
         planned.retain(is_polled);
         planned.sort_unstable();
         read.sort_unstable();
@@ -161,26 +186,29 @@ fn a_refused_bridge_is_not_tried_again_until_the_port_is_opened() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
     let take = |plan: &mut PollPlan, now| plan.take(0, at(now), &model, |_, _| true);
-    assert_eq!(take(&mut plan, 0), Some((0x0101, 3)));
-    plan.refused(0x0101, 3, at(10));
-    assert!(plan.iter().all(|(.., due)| due == at(10)), "its registers are due at once");
-    assert_eq!(take(&mut plan, 10), Some((0x0101, 1)));
-    assert_eq!(take(&mut plan, 450), Some((0x0101, 1)));
+    assert_eq!(take(&mut plan, 0), Some((Address::holding(0x0101), 3)));
+    plan.refused(0x0101_u16.into(), 3, at(10));
+    assert!(plan.iter().all(|(.., due)| due == at(10)), "what it was to bring is asked for at once");
+    assert_eq!(take(&mut plan, 10), Some((Address::holding(0x0101), 1)));
+    assert_eq!(take(&mut plan, 450), Some((Address::holding(0x0101), 1)));
     plan.port_opened(at(500));
-    assert_eq!(take(&mut plan, 850), Some((0x0101, 3)));
+    assert_eq!(take(&mut plan, 850), Some((Address::holding(0x0101), 3)));
     // Silence may have other reasons; but not again and again while other requests are answered.
     for now in [1250, 1650, 2050] {
-        plan.unanswered(0x0101, 3, at(now));
-        plan.answered(0x0201, 1);
-        assert_eq!(take(&mut plan, now), Some(if now < 2050 { (0x0101, 3) } else { (0x0101, 1) }));
+        plan.unanswered(0x0101_u16.into(), 3, at(now));
+        plan.answered(0x0201_u16.into(), 1);
+        assert_eq!(
+            take(&mut plan, now),
+            Some(if now < 2050 { (Address::holding(0x0101), 3) } else { (Address::holding(0x0101), 1) })
+        );
     }
     plan.port_opened(at(2100));
     take(&mut plan, 2450);
-    plan.answered(0x0101, 3);
+    plan.answered(0x0101_u16.into(), 3);
     for now in [2850, 3250, 3650, 4050, 4450] {
-        assert_eq!(take(&mut plan, now), Some((0x0101, 3)), "it has been answered once");
-        plan.unanswered(0x0101, 3, at(now));
-        plan.answered(0x0201, 1);
+        assert_eq!(take(&mut plan, now), Some((Address::holding(0x0101), 3)), "it has been answered once");
+        plan.unanswered(0x0101_u16.into(), 3, at(now));
+        plan.answered(0x0201_u16.into(), 1);
     }
 }
 
@@ -241,7 +269,7 @@ fn a_line_that_was_down_does_not_have_all_its_polls_due_at_once() {
 fn whatever_waits_for_whole_periods_goes_first_whatever_its_class() {
     let plan = PollPlan::new(&model(), Pace::new(Duration::from_secs(1), 1.0), MonoTime::ZERO, PlaceOnLine::ALONE);
     let at = MonoTime::from_millis;
-    let group = |class| PollGroup { address: 1, count: 1, class };
+    let group = |class| PollGroup { address: 1_u16.into(), count: 1, class };
     let urgency = |class, due| plan.urgency(group(class), at(due), at(10_000));
     assert!(urgency(PollClass::Fast, 9_900) < urgency(PollClass::Slow, 6_001), "by class");
     assert!(urgency(PollClass::Slow, 6_000) < urgency(PollClass::Fast, 9_001), "a whole period");

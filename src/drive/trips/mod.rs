@@ -18,6 +18,7 @@ mod places;
 mod tests;
 
 use super::view::{TripEvent, TripEventKind, TripRecord, TripView};
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 use places::{Places, Source, TripReading};
@@ -74,8 +75,8 @@ struct Reading {
     count: Option<u16>,
     /// How many of the record's reads have arrived.
     parts: usize,
-    words: Vec<(u16, u16)>,
-    /// The vendor's number as seen outside the record.
+    words: Vec<(Address, u16)>,
+    /// The vendor's number as it was seen beside the record.
     code: Option<u16>,
     tries: u8,
     /// The trip is to be reported once the record has been read.
@@ -122,7 +123,7 @@ impl TripWatch {
 
     /// First register and number of words to be read now, in addition to the polls; `None` if none.
     #[must_use]
-    pub fn wants(&self) -> Option<(u16, u16)> {
+    pub fn wants(&self) -> Option<(Address, u16)> {
         if let (Some(Places { source: Source::Count(count), .. }), Some(_)) = (&self.places, self.doubted) {
             return Some((*count, 1));
         }
@@ -135,12 +136,12 @@ impl TripWatch {
         }
     }
 
-    /// Takes the words of a read from `address` at `now`, polls included. They may show a trip and its end.
-    pub fn take(&mut self, address: u16, words: &[u16], now: MonoTime) -> Vec<TripEvent> {
+    /// Takes the words that a read from `address` has brought at `now`, polls included. They may tell of a trip and of
+    /// its end.
+    pub fn take(&mut self, address: Address, words: &[u16], now: MonoTime) -> Vec<TripEvent> {
         let Some(places) = &self.places else { return Vec::new() };
-        let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
-        let seen = places.source.seen(word);
-        let cause = places.cause.and_then(word);
+        let word = |register: Address| register.word_in(address, words);
+        let (seen, cause) = (places.source.seen(word), places.cause.and_then(word));
         let mut told = Vec::from_iter(self.take_part(address, words));
         match seen {
             Some(TripReading::Held(true)) => told.extend(self.take_held(now)),
@@ -156,12 +157,12 @@ impl TripWatch {
         told
     }
 
-    /// Takes words that may be another drive's: they prove nothing about trips, but may contradict what is known. A
-    /// trip that was detected before is reported without its record, which cannot be read now. A count that was read
-    /// only once may already have been the other drive's; it is read again afterwards.
-    pub fn take_unsure(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
+    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so. A trip
+    /// that was seen before is told without its record, which cannot be read now. A count that was read only once may
+    /// have been the other drive's already; it is read again afterwards.
+    pub fn take_unsure(&mut self, address: Address, words: &[u16]) -> Option<TripEvent> {
         let places = self.places.as_ref()?;
-        let word = |register: u16| words.get(usize::from(register.checked_sub(address)?)).copied();
+        let word = |register: Address| register.word_in(address, words);
         if let (Some(TripReading::Held(held)), Some(active)) = (places.source.seen(word), self.view.active) {
             self.is_contradicted = held != active;
         }
@@ -220,15 +221,14 @@ impl TripWatch {
         if reading.tries < READS_MAX { None } else { self.end_reading(false) }
     }
 
-    /// Takes one part of the record, if it is the awaited one.
-    fn take_part(&mut self, address: u16, words: &[u16]) -> Option<TripEvent> {
-        let places = self.places.as_ref()?;
-        let reading = self.reading.as_mut()?;
+    /// Takes one part of the record, if it is the one that is awaited.
+    fn take_part(&mut self, address: Address, words: &[u16]) -> Option<TripEvent> {
+        let (places, reading) = (self.places.as_ref()?, self.reading.as_mut()?);
         let (first, count) = *places.record.get(reading.parts)?;
         if first != address || usize::from(count) != words.len() {
             return None;
         }
-        reading.words.extend((address..).zip(words.iter().copied()));
+        reading.words.extend(address.onwards().zip(words.iter().copied()));
         reading.parts += 1;
         let is_whole = reading.parts == places.record.len();
         if is_whole && reading.count.is_none() { self.end_reading(true) } else { None }

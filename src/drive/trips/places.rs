@@ -1,5 +1,6 @@
 //! Where a model shows its trips: what indicates a trip, and the registers of its record.
 
+use crate::domain::address::Address;
 use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
 
 /// What indicates a trip, the most reliable first.
@@ -7,10 +8,10 @@ use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
 pub(super) enum Source {
     /// A flag of a status register is set as long as the trip is active.
     Flag(StatusFlag),
-    /// A register holds the number of the active trip, 0 for none.
-    Code(u16),
+    /// A register holds the number of the present trip, 0 for none.
+    Code(Address),
     /// A register counts trips.
-    Count(u16),
+    Count(Address),
 }
 
 /// What a reading says about trips.
@@ -23,8 +24,8 @@ pub(super) enum TripReading {
 }
 
 impl Source {
-    /// Evaluates a reading, where `word` returns the value of a register; `None` if it does not cover this source.
-    pub fn seen(&self, word: impl Fn(u16) -> Option<u16>) -> Option<TripReading> {
+    /// What a reading tells whose registers hold what `word` says; nothing if it does not cover this source.
+    pub fn seen(&self, word: impl Fn(Address) -> Option<u16>) -> Option<TripReading> {
         match self {
             Self::Flag(flag) => word(flag.address).map(|word| TripReading::Held(flag.holds(word))),
             Self::Code(register) => word(*register).map(|code| TripReading::Held(code != 0)),
@@ -38,9 +39,9 @@ impl Source {
 pub(super) struct Places {
     pub source: Source,
     /// First registers and numbers of words of the newest record, one read each.
-    pub record: Vec<(u16, u16)>,
+    pub record: Vec<(Address, u16)>,
     /// The register of the record that holds the vendor's number.
-    pub cause: Option<u16>,
+    pub cause: Option<Address>,
 }
 
 impl Places {
@@ -56,11 +57,11 @@ impl Places {
 }
 
 /// The registers of the newest record in as few reads as the model allows.
-fn record(model: &Model) -> Vec<(u16, u16)> {
+fn record(model: &Model) -> Vec<(Address, u16)> {
     let code = if model.register_for(Role::TripCode).is_some() { Role::TripCode } else { Role::TripCause };
     let roles = [code, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
     let is_part = |register: &&Register| register.role.is_some_and(|role| roles.contains(&role));
-    let mut reads: Vec<(u16, u16)> = Vec::new();
+    let mut reads: Vec<(Address, u16)> = Vec::new();
     for register in model.registers.iter().filter(is_part).filter(|register| register.access.can_read()) {
         match reads.last_mut() {
             Some((first, count))

@@ -26,7 +26,7 @@ fn trips(event: Option<TripEvent>) -> (u16, Option<u16>) {
 impl TripWatch {
     /// The one event that these words bring at most.
     fn one(&mut self, address: u16, words: &[u16], now: MonoTime) -> Option<TripEvent> {
-        let mut told = self.take(address, words, now);
+        let mut told = self.take(address.into(), words, now);
         assert!(told.len() <= 1, "{told:?}");
         told.pop()
     }
@@ -36,12 +36,12 @@ impl TripWatch {
 fn a_rise_is_read_as_a_record_between_two_equal_counts() {
     let mut watch = watch(3);
     assert_eq!(watch.one(COUNT, &[4], at(1)), None);
-    assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((0x0113, 4))));
+    assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((Address::holding(0x0113), 4))));
     assert_eq!(watch.one(0x0113, &RECORD, at(2)), None);
-    assert_eq!(watch.wants(), Some((COUNT, 1)));
+    assert_eq!(watch.wants(), Some((Address::holding(COUNT), 1)));
     assert_eq!(trips(watch.one(COUNT, &[4], at(3))), (1, Some(7)));
     assert_eq!((watch.wants(), watch.view().seen), (None, 1));
-    assert_eq!(watch.view().last.as_ref().unwrap().words[1], (0x0114, 2500));
+    assert_eq!(watch.view().last.as_ref().unwrap().words[1], (Address::holding(0x0114), 2500));
     assert_eq!(watch.one(COUNT, &[4], at(4)), None, "told once");
 }
 
@@ -69,7 +69,11 @@ fn a_drive_that_trips_on_and_on_is_told_all_the_same() {
 fn a_fall_is_a_new_baseline() {
     let mut watch = watch(9);
     assert_eq!(watch.one(COUNT, &[2], at(1)), None);
-    assert_eq!((watch.wants(), watch.baseline().count), (Some((COUNT, 1)), Some(9)), "it is read again");
+    assert_eq!(
+        (watch.wants(), watch.baseline().count),
+        (Some((Address::holding(COUNT), 1)), Some(9)),
+        "it is read again"
+    );
     assert_eq!(watch.one(COUNT, &[2], at(1)), None);
     assert_eq!((watch.wants(), watch.baseline().count), (None, Some(2)));
     watch.one(COUNT, &[3], at(2));
@@ -81,14 +85,14 @@ fn a_count_that_jumps_is_told_only_when_it_was_read_again() {
     let mut watch = watch(9);
     assert_eq!(watch.one(COUNT, &[9], at(1)), None);
     assert_eq!(watch.one(COUNT, &[22_720], at(2)), None);
-    assert_eq!((watch.wants(), watch.view().active), (Some((COUNT, 1)), None));
+    assert_eq!((watch.wants(), watch.view().active), (Some((Address::holding(COUNT), 1)), None));
     // It was the answer to something else.
     assert_eq!(watch.one(COUNT, &[9], at(3)), None);
     assert_eq!((watch.wants(), watch.view().seen, watch.baseline().count), (None, 0, Some(9)));
     // It was none: the record is read as always.
     watch.one(COUNT, &[9 + 17], at(4));
     assert_eq!(watch.one(COUNT, &[9 + 17], at(5)), None);
-    assert_eq!(watch.wants(), Some((0x0113, 4)));
+    assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)));
     watch.one(0x0113, &RECORD, at(6));
     assert_eq!(trips(watch.one(COUNT, &[9 + 17], at(7))), (17, Some(7)));
 }
@@ -173,7 +177,7 @@ fn a_trip_that_begins_to_hold_is_told_once_with_its_record() {
     let mut watch = flagged();
     assert_eq!(watch.one(STATUS, &[0], at(0)), None);
     assert_eq!(watch.one(STATUS, &[TRIPPED], at(1)), None);
-    assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((0x0113, 4))));
+    assert_eq!((watch.view().active, watch.wants()), (Some(true), Some((Address::holding(0x0113), 4))));
     assert_eq!(trips(watch.one(0x0113, &RECORD, at(2))), (1, Some(7)));
     assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "told once");
     assert_eq!(watch.output_is_active(at(3)), None, "the flag alone tells when it is over");
@@ -195,7 +199,7 @@ fn a_trip_that_is_gone_before_its_record_was_read_is_told_all_the_same() {
     let mut watch = flagged();
     watch.one(STATUS, &[0], at(0));
     watch.one(STATUS, &[TRIPPED], at(1));
-    let told = watch.take(STATUS, &[0], at(2));
+    let told = watch.take(STATUS.into(), &[0], at(2));
     assert_eq!(trips(told.first().cloned()), (1, None));
     assert_eq!((told.len(), &told[1].kind, told[1].at), (2, &TripEventKind::Cleared, at(2)));
     assert_eq!(watch.baseline().held, Some(false), "the next one is told, also after a start");
@@ -236,7 +240,7 @@ fn a_number_that_was_read_beside_the_record_is_told_with_a_trip_that_ends_unread
     let mut watch = flagged();
     told(&mut watch, &[0, TRIPPED]);
     assert_eq!(watch.one(0x0113, &[7], at(2)), None);
-    assert_eq!(trips(watch.take(STATUS, &[0], at(3)).into_iter().next()), (1, Some(7)));
+    assert_eq!(trips(watch.take(STATUS.into(), &[0], at(3)).into_iter().next()), (1, Some(7)));
 }
 
 #[test]
@@ -257,7 +261,7 @@ fn a_trip_that_was_found_on_return_or_at_the_start_came_while_the_drive_was_away
     for (readings, expected) in [([5, 5], true), ([6, 6], false)] {
         watch.one(COUNT, &readings[..1], at(0));
         watch.one(0x0113, &RECORD, at(1));
-        assert_eq!(away(watch.take(COUNT, &readings[1..], at(2))), [expected]);
+        assert_eq!(away(watch.take(COUNT.into(), &readings[1..], at(2))), [expected]);
     }
     watch.lost_sight();
     watch.one(COUNT, &[7], at(3));
@@ -266,19 +270,19 @@ fn a_trip_that_was_found_on_return_or_at_the_start_came_while_the_drive_was_away
     let mut watch = remembering(flagged(), None, Some(false), None);
     for expected in [true, false] {
         watch.one(STATUS, &[TRIPPED], at(0));
-        assert_eq!(away(watch.take(0x0113, &RECORD, at(1))), [expected]);
-        assert_eq!(away(watch.take(STATUS, &[0], at(2))), [false]);
+        assert_eq!(away(watch.take(0x0113_u16.into(), &RECORD, at(1))), [expected]);
+        assert_eq!(away(watch.take(STATUS.into(), &[0], at(2))), [false]);
     }
     watch.one(STATUS, &[TRIPPED], at(3));
     assert!(!watch.lost_sight().unwrap().while_away);
-    assert_eq!(away(watch.take(STATUS, &[0], at(4))), [true], "it ended while the drive was away");
+    assert_eq!(away(watch.take(STATUS.into(), &[0], at(4))), [true], "it ended while the drive was away");
 }
 
 /// What is told of `readings` of the status, each a millisecond after the one before.
 fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)> {
     let mut told = Vec::new();
     for (status, now) in readings.iter().zip(0..) {
-        told.extend(watch.take(STATUS, &[*status], at(now)).into_iter().map(|event| match event.kind {
+        told.extend(watch.take(STATUS.into(), &[*status], at(now)).into_iter().map(|event| match event.kind {
             TripEventKind::Tripped { .. } => ("tripped", event.at),
             TripEventKind::Cleared => ("cleared", event.at),
         }));
@@ -290,7 +294,7 @@ fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)
 fn a_trip_right_behind_one_that_ended_unread_is_another_trip() {
     let mut watch = flagged();
     assert_eq!(told(&mut watch, &[0, TRIPPED, 0, TRIPPED]), [("tripped", at(1)), ("cleared", at(2))]);
-    assert_eq!(watch.wants(), Some((0x0113, 4)), "the record of the second");
+    assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)), "the record of the second");
     watch.one(0x0113, &RECORD, at(4));
     assert_eq!(told(&mut watch, &[TRIPPED, 0]), [("cleared", at(1))]);
     assert_eq!(watch.view().seen, 2);
@@ -342,7 +346,7 @@ fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: O
 fn what_was_counted_while_nobody_looked_is_told_with_its_record() {
     let mut watch = remembering(TripWatch::new(&model()), Some(3), None, None);
     assert_eq!(watch.one(COUNT, &[5], at(0)), None);
-    assert_eq!(watch.wants(), Some((0x0113, 4)));
+    assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)));
     watch.one(0x0113, &RECORD, at(1));
     assert_eq!(watch.baseline().count, Some(3), "not told yet");
     assert_eq!(trips(watch.one(COUNT, &[5], at(2))), (2, Some(7)));
@@ -359,7 +363,11 @@ fn what_was_counted_while_nobody_looked_is_told_with_its_record() {
 fn a_count_that_falls_before_the_record_was_read_takes_no_trip_with_it() {
     let mut watch = watch(3);
     watch.one(COUNT, &[5], at(1));
-    assert_eq!((watch.one(COUNT, &[0], at(2)), watch.wants()), (None, Some((COUNT, 1))), "it is read again");
+    assert_eq!(
+        (watch.one(COUNT, &[0], at(2)), watch.wants()),
+        (None, Some((Address::holding(COUNT), 1))),
+        "it is read again"
+    );
     let event = watch.one(COUNT, &[0], at(3)).unwrap();
     assert_eq!((event.count, trips(Some(event))), (Some(5), (2, None)), "with the count of then");
     assert_eq!((watch.baseline().count, watch.one(COUNT, &[0], at(4))), (Some(0), None));
@@ -417,16 +425,16 @@ fn what_another_kind_of_drive_was_remembered_for_does_not_count() {
 fn a_reading_that_may_be_another_drives_makes_no_trip_and_no_end_of_one_but_doubt() {
     let mut watch = flagged();
     watch.one(STATUS, &[0], at(0));
-    watch.take_unsure(STATUS, &[0]);
+    watch.take_unsure(STATUS.into(), &[0]);
     assert!(!watch.is_contradicted());
-    watch.take_unsure(STATUS, &[TRIPPED]);
+    watch.take_unsure(STATUS.into(), &[TRIPPED]);
     assert_eq!((watch.is_contradicted(), watch.view().active, watch.wants()), (true, Some(false), None));
-    watch.take_unsure(0x0113, &RECORD);
+    watch.take_unsure(0x0113_u16.into(), &RECORD);
     assert!(watch.is_contradicted(), "another register tells nothing of it");
     watch.one(STATUS, &[0], at(1));
     assert!(!watch.is_contradicted());
     watch.one(STATUS, &[TRIPPED], at(2));
-    watch.take_unsure(STATUS, &[0]);
+    watch.take_unsure(STATUS.into(), &[0]);
     assert_eq!((watch.is_contradicted(), watch.view().active), (true, Some(true)));
     watch.lost_sight();
     assert!(!watch.is_contradicted());
@@ -437,8 +445,8 @@ fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_told_without_its_rec
     let mut watch = flagged();
     assert_eq!(watch.one(STATUS, &[0], at(0)), None);
     assert_eq!(watch.one(STATUS, &[TRIPPED], at(1)), None, "its record is read first");
-    assert_eq!(trips(watch.take_unsure(STATUS, &[TRIPPED])), (1, None));
-    assert_eq!((watch.take_unsure(STATUS, &[TRIPPED]), watch.wants()), (None, None));
+    assert_eq!(trips(watch.take_unsure(STATUS.into(), &[TRIPPED])), (1, None));
+    assert_eq!((watch.take_unsure(STATUS.into(), &[TRIPPED]), watch.wants()), (None, None));
     assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "told once");
 }
 
@@ -446,7 +454,7 @@ fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_told_without_its_rec
 fn a_count_that_was_read_only_once_before_the_doubt_is_told_when_it_was_read_again() {
     let mut watch = watch(3);
     assert_eq!(watch.one(COUNT, &[4], at(1)), None);
-    assert_eq!(watch.take_unsure(COUNT, &[4]), None, "perhaps the other drive's count");
+    assert_eq!(watch.take_unsure(COUNT.into(), &[4]), None, "perhaps the other drive's count");
     watch.one(0x0113, &RECORD, at(3));
     assert_eq!(trips(watch.one(COUNT, &[4], at(4))), (1, Some(7)));
 }

@@ -1,6 +1,7 @@
 //! Cases that no simulated drive reaches: rests, repeats, and slow read-backs.
 
 use super::*;
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Direction, Go, Manner, Origin, Owner, RegisterWrite, Rights};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
@@ -73,16 +74,16 @@ fn deaf() -> Model {
 #[track_caller]
 fn sends(list: &mut List, value: u16) -> MonoTime {
     let (at, request) = list.request().unwrap();
-    assert_eq!(request, Request::WriteSingle { address: RUN, value });
+    assert_eq!(request, Request::WriteSingle { address: RUN.into(), value });
     list.was_sent();
     at
 }
 
 /// The next request is sent; it reads the word at `address`.
 #[track_caller]
-fn reads(list: &List, address: u16) -> MonoTime {
+fn reads(list: &List, address: Address) -> MonoTime {
     let (at, request) = list.request().unwrap();
-    assert_eq!(request, Request::ReadHolding { address, count: 1 });
+    assert_eq!(request, Request::Read { address, count: 1 });
     at
 }
 
@@ -118,7 +119,7 @@ fn a_reset_that_is_answered_rests_and_is_looked_at_afterwards() {
     assert_eq!(until, NOW + DEAF);
     assert_eq!(list.request(), None, "nothing is sent before");
     assert_eq!(list.rest(until), ACKNOWLEDGED);
-    assert_eq!(reads(&list, STATUS), until);
+    assert_eq!(reads(&list, STATUS.into()), until);
     assert_eq!(word(&mut list, 0, until), ends(Outcome::Confirmed, Reason::None));
     assert_eq!(list.request(), None);
 }
@@ -133,7 +134,7 @@ fn a_stop_to_which_the_drive_is_deaf_goes_once_more_after_the_rest() {
     assert_eq!(sends(&mut list, 0), until);
     assert_eq!(holds(&mut list, 0, until), ACKNOWLEDGED, "one rest is enough");
     assert!(list.is_sure());
-    reads(&list, STATUS);
+    reads(&list, STATUS.into());
     assert_eq!(word(&mut list, 0, until), ends(Outcome::Confirmed, Reason::None));
 }
 
@@ -187,7 +188,7 @@ fn without_a_status_word_a_reset_in_doubt_stays_unknown() {
     assert_eq!(list.unanswered(), IN_DOUBT);
     sends(&mut list, 0);
     assert_eq!(holds(&mut list, 0, NOW), QUIETLY);
-    reads(&list, 0x0101);
+    reads(&list, 0x0101_u16.into());
     assert_eq!(word(&mut list, 0, NOW), ends(Outcome::Unknown, Reason::NoReply));
 }
 
@@ -231,16 +232,16 @@ fn what_is_to_show_is_looked_at_with_patience() {
     ] {
         let mut list = list(&with_status(), go(Some(2000), Some(Direction::Forward)));
         for (address, value) in [(FREQUENCY, 2000), (RUN, 1)] {
-            assert_eq!(list.request().unwrap().1, Request::WriteSingle { address, value });
+            assert_eq!(list.request().unwrap().1, Request::WriteSingle { address: address.into(), value });
             list.was_sent();
             holds(&mut list, value, NOW);
         }
-        reads(&list, SETTING);
+        reads(&list, SETTING.into());
         assert_eq!(word(&mut list, 2000, NOW), QUIETLY);
         let mut now = NOW;
         let mut looks = 0;
         let last = loop {
-            now = now.max(reads(&list, STATUS));
+            now = now.max(reads(&list, STATUS.into()));
             looks += 1;
             let status = if now.since(NOW) >= shows_at { RUNNING } else { 0 };
             let next = word(&mut list, status, now);
@@ -272,7 +273,7 @@ fn conditions_in_one_register_cost_one_look() {
         holds(&mut list, value, NOW);
     }
     word(&mut list, 2000, NOW);
-    reads(&list, STATUS);
+    reads(&list, STATUS.into());
     assert_eq!(word(&mut list, RUNNING, NOW), QUIETLY, "it runs, and not yet in reverse");
     assert_eq!(word(&mut list, RUNNING | 2, NOW), ends(Outcome::Confirmed, Reason::None));
 }
@@ -286,7 +287,7 @@ fn a_write_without_an_answer_is_looked_for_and_never_repeated() {
         let mut list = list(&model(), go(Some(2000), None));
         list.was_sent();
         assert_eq!(list.unanswered(), IN_DOUBT);
-        reads(&list, SETTING);
+        reads(&list, SETTING.into());
         let first = word(&mut list, shown, NOW);
         let last = if first == QUIETLY { word(&mut list, shown, NOW + Duration::from_millis(1001)) } else { first };
         assert_eq!(last, expected);
@@ -317,7 +318,7 @@ fn a_check_that_fails_writes_nothing() {
     let checking = || list(&model(), go(None, Some(Direction::Forward)));
     for wrong in [0, 499, 5001] {
         let mut list = checking();
-        reads(&list, SETTING);
+        reads(&list, SETTING.into());
         list.was_sent();
         assert!(!list.has_begun(), "a look is no beginning");
         assert_eq!(word(&mut list, wrong, NOW), Next::Ends(Report::refused(Reason::SetpointUnknown)), "{wrong}");
@@ -338,7 +339,7 @@ fn a_check_that_fails_writes_nothing() {
 fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
     let model = model();
     let forward = Some(Direction::Forward);
-    let ramp = Order::Go(Go::new(vec![RegisterWrite { address: 0x020C, value: 7 }], None, None).unwrap());
+    let ramp = Order::Go(Go::new(vec![RegisterWrite { address: 0x020C_u16.into(), value: 7 }], None, None).unwrap());
     for (old, new, replaced) in [
         (go(Some(2000), None), go(Some(2500), None), true),
         (go(Some(2000), None), go(Some(2500), forward), true),

@@ -2,6 +2,7 @@
 //! stopping it although others start it.
 
 use super::{DriveWork, Out};
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Owner, RunIntent};
 use crate::domain::time::MonoTime;
 use crate::drive::description::STALE_PERIODS;
@@ -55,7 +56,7 @@ impl DriveWork {
 
     /// Whether the readings of the motor are fresh.
     pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
-        let is_fresh = |address: u16, at: Option<MonoTime>| {
+        let is_fresh = |address: Address, at: Option<MonoTime>| {
             let class = self.model.register_at(address).and_then(|register| register.poll);
             let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;
             at.is_some_and(|at| now.since(at) < limit)

@@ -26,13 +26,13 @@ impl DriveWork {
         });
         let look = self.latch.as_ref().filter(|latch| latch.look_at() < MonoTime::NEVER).and_then(|latch| {
             let (address, count) = self.looks.get(latch.looks() % self.looks.len().max(1)).copied()?;
-            let request = Request::ReadHolding { address, count };
+            let request = Request::Read { address, count };
             Some(Want { rank: Rank::Look, at: latch.look_at(), request })
         });
         let trip = self.trips.wants().map(|(address, count)| Want {
             rank: Rank::Trip,
             at: MonoTime::ZERO,
-            request: Request::ReadHolding { address, count },
+            request: Request::Read { address, count },
         });
         [stop, list, look, trip].into_iter().flatten()
     }

@@ -15,6 +15,7 @@ use super::list::List;
 use super::outbox::Outbox;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
+use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Owner, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
@@ -86,7 +87,7 @@ pub struct DriveWork {
     /// The last recorded owner of the lease, and whether it is awaited since before a restart.
     said_owner: Option<(Owner, bool)>,
     output: OutputWatch,
-    output_register: Option<(u16, u32)>,
+    output_register: Option<(Address, u32)>,
     status: StatusWatch,
     /// When a reading last showed whether the drive is ordered to run.
     status_at: Option<MonoTime>,
@@ -95,9 +96,9 @@ pub struct DriveWork {
     /// How often it is polled.
     pace: Pace,
     watchdog: WatchdogWatch,
-    /// The reads that show whether a stop takes effect, used in turn.
-    looks: Vec<(u16, u16)>,
-    /// The drive ignores requests until this moment; taken by the line.
+    /// The reads that show whether a stop takes effect, in turn.
+    looks: Vec<(Address, u16)>,
+    /// Up to this moment the drive hears nothing; taken by the line.
     rest_until: Option<MonoTime>,
     /// The last order given here was a stop, and since then the motor has neither been seen at standstill nor turning in
     /// a way that the ramp of that stop does not explain.
@@ -358,18 +359,18 @@ impl DriveWork {
     }
 }
 
-/// Reads of the output frequency, and of the status register if it shows whether the drive is ordered to run: in one
-/// read if the model allows it.
-fn looks(model: &Model) -> Vec<(u16, u16)> {
+/// The output frequency, and the status register where that tells whether the drive is ordered to run: in one read if
+/// the model allows it.
+fn looks(model: &Model) -> Vec<(Address, u16)> {
     let output = model.register_for(Role::OutputFrequency).map(|register| register.address);
     let status = model.status_flag(Flag::Running).map(|flag| flag.address);
     let (Some(output), Some(status)) = (output, status) else {
         return output.or(status).map(|address| (address, 1)).into_iter().collect();
     };
-    let first = output.min(status);
-    let last = output.max(status);
-    let count = last - first + 1;
-    let all_known = || (first..=last).all(|it| model.register_at(it).is_some_and(|it| it.access.can_read()));
+    let (first, last) = (output.min(status), output.max(status));
+    let count = last.offset_from(first).and_then(|offset| offset.checked_add(1)).unwrap_or(u16::MAX);
+    let all_known =
+        || first.onwards().take(count.into()).all(|it| model.register_at(it).is_some_and(|it| it.access.can_read()));
     if count <= model.words_in_one_read(first) && all_known() {
         vec![(first, count)]
     } else {

@@ -1,6 +1,7 @@
 //! Readings of the drive: output frequency and trips.
 
 use super::{DriveWork, Out};
+use crate::domain::address::Address;
 use crate::domain::command::{Outcome, Reason, Report, RunIntent};
 use crate::domain::time::MonoTime;
 use crate::drive::view::{TripEvent, TripEventKind};
@@ -19,8 +20,8 @@ pub struct Reading {
 }
 
 impl DriveWork {
-    /// Takes words from `address` on, whatever they were read for.
-    pub fn take_words(&mut self, address: u16, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
+    /// Words came from `address` on, for whatever reason they were read.
+    pub fn take_words(&mut self, address: Address, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
@@ -32,10 +33,7 @@ impl DriveWork {
                 self.effective(out);
             }
         }
-        let output = self.output_register.and_then(|(register, _)| {
-            let offset = register.checked_sub(address)?;
-            words.get(usize::from(offset)).copied()
-        });
+        let output = self.output_register.and_then(|(register, _)| register.word_in(address, words));
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
         }

@@ -1,6 +1,7 @@
 //! The drive's own watchdog: messages about it, and the stop that is left to it.
 
 use super::{DriveWork, Out};
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
 use crate::gateway::event::Effect;
@@ -25,7 +26,7 @@ impl DriveWork {
         &self.watchdog
     }
 
-    pub(super) fn take_watchdog(&mut self, address: u16, words: &[u16], out: Out<'_>) {
+    pub(super) fn take_watchdog(&mut self, address: Address, words: &[u16], out: Out<'_>) {
         let is_commanded = self.guard.control().is_some();
         if let Some(state) = self.watchdog.take(address, words).filter(|_| is_commanded) {
             out.push_back(Effect::Note(self.drive, Note::Watchdog(state)));

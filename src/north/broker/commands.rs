@@ -1,6 +1,7 @@
 //! Commands of one broker on their way to the lines: stops first, every queue bounded, and each command answered or
 //! given up. Attempts that never reach a line are recorded here; a line records those that reach it.
 
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAsk, NativeRequest};
@@ -81,7 +82,7 @@ pub(in crate::north) struct NewRead<C> {
     pub(in crate::north) by: Owner,
     /// Its place in the drive's model.
     pub(in crate::north) register: usize,
-    pub(in crate::north) address: u16,
+    pub(in crate::north) address: Address,
     pub(in crate::north) deadline: MonoTime,
     pub(in crate::north) context: C,
 }

@@ -13,10 +13,10 @@ use crate::wire::exception;
 /// 01: a native unit has only the functions 03, 04, 06, 08 and 10 hex; and of 08 only what the drive serves.
 pub fn ask_of(ask: Ask) -> Result<NativeAsk, u8> {
     match ask {
-        Ask::ReadWords { address, count, .. } => Ok(NativeAsk::Read { address, count }),
+        Ask::ReadWords { address, count, .. } => Ok(NativeAsk::Read { address: address.into(), count }),
         Ask::LoopTest { data } => Ok(NativeAsk::Loop { data }),
-        Ask::WriteWord { address, value } => Ok(NativeAsk::Write { address, values: vec![value] }),
-        Ask::WriteWords { address, values } => Ok(NativeAsk::Write { address, values }),
+        Ask::WriteWord { address, value } => Ok(NativeAsk::Write { address: address.into(), values: vec![value] }),
+        Ask::WriteWords { address, values } => Ok(NativeAsk::Write { address: address.into(), values }),
         _ => Err(exception::ILLEGAL_FUNCTION),
     }
 }
@@ -45,9 +45,8 @@ pub fn is_stop(model: &Model, ask: &Ask) -> bool {
         _ => return false,
     };
     let (Some(register), Some(run)) = (model.register_for(Role::RunCommand), &model.run) else { return false };
-    let offset = register.address.checked_sub(address);
-    let Some(word) = offset.and_then(|offset| values.get(usize::from(offset))) else { return false };
-    *word == run.stop.value || run.coast.as_ref().is_some_and(|coast| *word == coast.value)
+    let Some(word) = register.address.word_in(address.into(), values) else { return false };
+    word == run.stop.value || run.coast.as_ref().is_some_and(|coast| word == coast.value)
 }
 
 const fn exception_of(why: Refusal) -> u8 {
@@ -72,10 +71,10 @@ mod tests {
 
     #[test]
     fn reads_and_register_writes_are_native_and_nothing_else() {
-        let read = NativeAsk::Read { address: 0x0101, count: 2 };
+        let read = NativeAsk::Read { address: 0x0101_u16.into(), count: 2 };
         assert_eq!(ask_of(ask(&[3, 1, 1, 0, 2])), Ok(read.clone()));
         assert_eq!(ask_of(ask(&[4, 1, 1, 0, 2])), Ok(read));
-        let write = NativeAsk::Write { address: 2, values: vec![1] };
+        let write = NativeAsk::Write { address: 2_u16.into(), values: vec![1] };
         assert_eq!(ask_of(ask(&[6, 0, 2, 0, 1])), Ok(write.clone()));
         assert_eq!(ask_of(ask(&[0x10, 0, 2, 0, 1, 2, 0, 1])), Ok(write));
         assert_eq!(ask_of(ask(&[8, 0, 0, 0xA5, 0x37])), Ok(NativeAsk::Loop { data: 0xA537 }));

@@ -98,7 +98,7 @@ pub(super) fn view() -> DriveView {
     let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
     view.snapshot.presence = Presence::Online;
     let words = [4250, 1234, 380, 5401, 7550, 985, (-7_i16).cast_unsigned(), 40_000, 3, 425];
-    view.snapshot.take(0x0101, &words, NOW);
+    view.snapshot.take(0x0101_u16.into(), &words, NOW);
     view.trip.active = Some(false);
     view.control = Some(ControlView::default());
     view

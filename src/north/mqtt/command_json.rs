@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(id, Some(json!(7)));
         let Order::Go(go) = wish.order else { panic!() };
         assert_eq!((go.run(), go.frequency()), (Some(Direction::Reverse), Some(Hertz::from_millihertz(42_500))));
-        let writes: Vec<_> = go.registers().iter().map(|it| (it.address, it.value)).collect();
+        let writes: Vec<_> = go.registers().iter().map(|it| (it.address.number(), it.value)).collect();
         assert_eq!(writes, [(0x020E, 5), (0x020C, 100)]);
         let ttl = Some(Duration::from_millis(500));
         let issued_at = Some(1_767_225_600_000);

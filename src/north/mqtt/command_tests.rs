@@ -55,7 +55,7 @@ fn refused(reason: &str) -> (String, String) {
 
 #[test]
 fn each_input_becomes_its_order() {
-    let acceleration = RegisterWrite { address: 0x020C, value: 105 };
+    let acceleration = RegisterWrite { address: 0x020C_u16.into(), value: 105 };
     let table: [(&str, &[u8], Order); 9] = [
         ("run/set", b"forward", go(vec![], None, Some(Direction::Forward))),
         ("run/set", b" STOP ", STOP),
@@ -638,7 +638,7 @@ fn a_read_asks_for_one_word_and_tells_why_it_failed() {
     ] {
         let acts = rig.send("drive/pump/param/F007/get", b"");
         let request = reads(&acts)[0];
-        assert_eq!(request.ask, NativeAsk::Read { address: 0x020C, count: 1 });
+        assert_eq!(request.ask, NativeAsk::Read { address: 0x020C_u16.into(), count: 1 });
         let answer = NativeAnswer { asker: AskerId::MQTT, ticket: request.ticket, outcome };
         rig.session.native_answer(rig.at(), &NativeAnswer { asker: AskerId(5), ..answer.clone() });
         rig.session.native_answer(rig.at(), &answer);

@@ -77,7 +77,7 @@ mod tests {
     fn registers_are_found_by_code_in_any_case_or_by_name() {
         let model = model();
         for code in ["F007", "f007", "acceleration_time"] {
-            assert_eq!(write(&model, code, 10.5), Ok(RegisterWrite { address: 0x020C, value: 105 }));
+            assert_eq!(write(&model, code, 10.5), Ok(RegisterWrite { address: 0x020C_u16.into(), value: 105 }));
         }
     }
 

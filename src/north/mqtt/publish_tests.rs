@@ -210,7 +210,7 @@ fn a_dead_band_holds_for_the_value_in_amperes_too() {
         [(4_099, None), (4_100, Some("4.1")), (4_199, None), (5_004, Some("5.0")), (1, Some("0.1"))]
     {
         let now = rig.now();
-        rig.views[0].snapshot.take(0x0201, &[per_cent], now);
+        rig.views[0].snapshot.take(0x0201_u16.into(), &[per_cent], now);
         assert_eq!(on(&rig.acts(), "drive/pump/measure/current").as_deref(), expected, "{per_cent}");
     }
 }

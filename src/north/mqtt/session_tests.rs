@@ -216,7 +216,11 @@ fn will_and_farewell_say_offline() {
 }
 
 fn trip(rig: &mut Rig, trips: u16) {
-    let record = TripRecord { at: rig.now(), code: Some(9), words: vec![(0x0113, 9), (0x0115, 123), (0x0999, 1)] };
+    let record = TripRecord {
+        at: rig.now(),
+        code: Some(9),
+        words: vec![(0x0113_u16.into(), 9), (0x0115_u16.into(), 123), (0x0999_u16.into(), 1)],
+    };
     let event =
         TripEvent { kind: TripEventKind::Tripped { trips, record }, count: Some(3), at: rig.now(), while_away: false };
     let place = DriveRef { line: 0, drive: DriveIndex(0) };

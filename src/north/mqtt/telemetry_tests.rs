@@ -41,7 +41,7 @@ fn a_change_is_published_from_its_dead_band_on() {
         assert_eq!(state(&acts).is_some(), expected.is_some(), "the state goes by the same");
     }
     let now = rig.now();
-    rig.views[0].snapshot.take(0x0201, &[4_001], now);
+    rig.views[0].snapshot.take(0x0201_u16.into(), &[4_001], now);
     let setpoint = on(&rig.acts(), "drive/pump/frequency/setpoint");
     assert_eq!(setpoint.as_deref(), Some("40.01"), "one step where none is configured");
 }
@@ -164,7 +164,7 @@ fn a_trip_is_shown_with_its_record_and_taken_back() {
     let mut rig = Rig::born(Version::V5);
     let at = rig.now();
     rig.views[0].trip.active = Some(true);
-    rig.views[0].trip.last = Some(TripRecord { at, code: Some(9), words: vec![(0x0114, 4_215)] });
+    rig.views[0].trip.last = Some(TripRecord { at, code: Some(9), words: vec![(0x0114_u16.into(), 4_215)] });
     let acts = rig.acts();
     assert_eq!(on(&acts, "drive/pump/trip/last"), None, "it is not kept yet");
     rig.views[0].trip_kept.last = rig.views[0].trip.last.clone();

@@ -178,9 +178,9 @@ fn trips_are_told_once_with_their_text_and_their_end() {
 fn a_register_that_keeps_a_drive_from_obeying_is_named_with_what_is_right() {
     let description = description("hyundai-n700");
     let mut view = view(&description, 3);
-    view.snapshot.take(SETTING, &[3000], NOW);
+    view.snapshot.take(SETTING.into(), &[3000], NOW);
     assert_eq!(advice(&description, &view), []);
-    view.snapshot.take(FREQUENCY_SOURCE, &[1], NOW);
+    view.snapshot.take(FREQUENCY_SOURCE.into(), &[1], NOW);
     let said = advice(&description, &view);
     let (severity, text) = &said[0];
     assert_eq!((said.len(), *severity), (1, Severity::Problem));
@@ -267,7 +267,7 @@ fn a_value_says_how_often_it_is_read() {
 fn a_setpoint_outside_the_limits_is_told() {
     let description = description("hyundai-n700");
     let mut view = view(&description, 3);
-    view.snapshot.take(SETTING, &[6000], NOW);
+    view.snapshot.take(SETTING.into(), &[6000], NOW);
     let said = advice(&description, &view);
     assert!(said[0].1.contains("setpoint of 60 Hz is outside 5 to 50 Hz"), "{said:?}");
 }
@@ -403,7 +403,7 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
     let mut fresh = view(&description, 0);
     for row in 0..2000 {
         assert!(trends.is_due(at(row)));
-        fresh.snapshot.take(OUTPUT, &[u16::try_from(row).unwrap()], at(row));
+        fresh.snapshot.take(OUTPUT.into(), &[u16::try_from(row).unwrap()], at(row));
         trends.note(at(row), [drive(&description, &fresh)]);
         assert!(!trends.is_due(at(row) + Duration::from_millis(1999)));
     }

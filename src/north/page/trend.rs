@@ -1,6 +1,7 @@
 //! The trend of the last hour: a few values of each drive, every two seconds.
 
 use super::drive::Drive;
+use crate::domain::address::Address;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
@@ -130,9 +131,9 @@ struct Column {
 #[derive(Clone, Debug, PartialEq)]
 enum Source {
     /// The polled register at this address.
-    Register(u16),
+    Register(Address),
     /// The same, which shows per cent of a rated value.
-    Rated(u16, Rated),
+    Rated(Address, Rated),
     /// The setpoint.
     Setpoint,
 }
@@ -177,7 +178,7 @@ impl Column {
 impl Source {
     /// The value, unless it is stale.
     fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
-        let read = |address: u16| {
+        let read = |address: Address| {
             let register = drive.description.model.register_at(address)?;
             Some((register, fresh(drive.description, register, drive.view, now)?.raw))
         };

@@ -1,5 +1,6 @@
 //! A frame in words, and what is known of its line.
 
+use crate::domain::address::Address;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::Framing;
 use crate::domain::traffic::{TrafficKind, Why};
@@ -59,7 +60,7 @@ pub struct Frame {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameValue {
     /// Its address on the wire.
-    pub address: u16,
+    pub address: Address,
     /// Its name in the model.
     pub name: Option<String>,
     /// Its value with the unit, or with its meaning.

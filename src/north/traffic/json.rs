@@ -27,7 +27,7 @@ impl Frame {
 }
 
 fn value(value: &FrameValue) -> Value {
-    json!({ "address": value.address, "name": value.name, "text": value.text })
+    json!({ "address": value.address.number(), "name": value.name, "text": value.text })
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -1,6 +1,7 @@
 //! Registers and their words in text for people.
 
 use super::{FrameValue, KnownDrive};
+use crate::domain::address::Address;
 use crate::domain::control::ControlAction;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
@@ -11,13 +12,13 @@ use crate::profile::words::{BIT_MEANINGS, FLAGS};
 /// Most values in one line of text.
 const VALUES_IN_TEXT: usize = 8;
 
-/// `words` from `address` on, with the registers of `drive`.
-pub(super) fn values(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> Vec<FrameValue> {
+/// `words` from `address` on, as `drive` counts.
+pub(super) fn values(drive: Option<&KnownDrive>, address: Address, words: &[u16]) -> Vec<FrameValue> {
     let mut address = address;
     let mut values = Vec::with_capacity(words.len());
     for word in words {
         values.push(value(drive, address, *word));
-        address = drive.map_or(address.wrapping_add(1), |drive| drive.model.next_address(address));
+        address = drive.map_or(address.at(address.number().wrapping_add(1)), |drive| drive.model.next_address(address));
     }
     values
 }
@@ -36,24 +37,26 @@ pub(super) fn in_text(values: &[FrameValue], between: &str, with_address: bool) 
 }
 
 /// The register at `address` by number and name.
-pub(super) fn place(drive: Option<&KnownDrive>, address: u16) -> String {
+pub(super) fn place(drive: Option<&KnownDrive>, address: Address) -> String {
     place_text(address, drive.and_then(|drive| name(&drive.model, address)).as_deref())
 }
 
-fn place_text(address: u16, name: Option<&str>) -> String {
-    name.map_or_else(|| format!("0x{address:04X}"), |name| format!("0x{address:04X} {}", spoken(name)))
+fn place_text(address: Address, name: Option<&str>) -> String {
+    name.map_or_else(|| address.to_string(), |name| format!("{address} {}", spoken(name)))
 }
 
 fn spoken(name: &str) -> String {
     name.replace('_', " ")
 }
 
-fn name(model: &Model, address: u16) -> Option<String> {
+fn name(model: &Model, address: Address) -> Option<String> {
     let stored = || model.stored_twin(address).map(|register| format!("{}_stored", register.name));
-    model.register_at(address).map(|register| register.name.clone()).or_else(stored)
+    // A drive without input registers may serve its holding registers by 04 as well.
+    let register = model.register_at(address).or_else(|| model.register_at(address.number()));
+    register.map(|register| register.name.clone()).or_else(stored)
 }
 
-fn value(drive: Option<&KnownDrive>, address: u16, word: u16) -> FrameValue {
+fn value(drive: Option<&KnownDrive>, address: Address, word: u16) -> FrameValue {
     let name = drive.and_then(|drive| name(&drive.model, address));
     let known = drive.and_then(|drive| {
         let model = &drive.model;
@@ -102,8 +105,8 @@ fn run_text(run: &RunCommand, word: u16) -> String {
     names.map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
 }
 
-/// The flags that are set with `word` in the status register at `address`.
-fn flags(model: &Model, address: u16, word: u16) -> String {
+/// The flags that hold with `word` in the status register at `address`.
+fn flags(model: &Model, address: Address, word: u16) -> String {
     let holds = model.status.iter().filter(|flag| flag.address == address && flag.holds(word));
     let names = holds.filter_map(|flag| FLAGS.iter().find(|(_, known)| *known == flag.flag));
     names.map(|(name, _)| *name).collect::<Vec<_>>().join(", ")

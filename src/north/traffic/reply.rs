@@ -3,6 +3,7 @@
 use super::frame::{FrameText, KnownDrive, OpenRequest};
 use super::register::{in_text, place, values};
 use super::request::function_text;
+use crate::domain::address::Address;
 use crate::domain::link::Framing;
 use crate::domain::traffic::Why;
 use crate::wire::exception::{self, ILLEGAL_FUNCTION};
@@ -18,7 +19,7 @@ pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8], asked: Option<&OpenRe
     }
     let request = asked.and_then(|asked| Request::decode(&asked.pdu));
     match request.and_then(|request| Some((request.reply_in(pdu)?, request))) {
-        Some((Reply::Words(words), Request::ReadHolding { address, .. })) => {
+        Some((Reply::Words(words), Request::Read { address, .. })) => {
             let values = values(drive, address, &words);
             FrameText { text: in_text(&values, " ", false), exception: None, values }
         }
@@ -45,13 +46,13 @@ fn alone(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
             FrameText::text(format!("{} {noun} of unknown registers: {}", words.len(), words.join(" ")))
         }
         [function::WRITE_SINGLE, high, low, value_high, value_low] => {
-            let address = u16::from_be_bytes([high, low]);
+            let address = Address::holding(u16::from_be_bytes([high, low]));
             let value = u16::from_be_bytes([value_high, value_low]);
             let values = values(drive, address, &[value]);
             FrameText { text: format!("after a write: {}", in_text(&values, " = ", true)), exception: None, values }
         }
         [function::WRITE_MULTIPLE, high, low, count_high, count_low] => {
-            let address = u16::from_be_bytes([high, low]);
+            let address = Address::holding(u16::from_be_bytes([high, low]));
             let count = u16::from_be_bytes([count_high, count_low]);
             FrameText::text(format!("after a write of {count} words from {} on", place(drive, address)))
         }

@@ -2,13 +2,14 @@
 
 use super::frame::{FrameText, KnownDrive};
 use super::register::{in_text, place, values};
+use crate::domain::address::{Address, Table};
 use crate::profile::model::Barrier;
 use crate::wire::pdu::{Request, function};
 
 /// What `pdu` requests of `drive`.
 pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match Request::decode(pdu) {
-        Some(Request::ReadHolding { address, count }) => FrameText::text(read("read", drive, address, count)),
+        Some(Request::Read { address, count }) => FrameText::text(read("read", drive, address, count)),
         Some(Request::WriteSingle { address, value }) => write(drive, address, &[value]),
         Some(Request::WriteMultiple { address, values }) => write(drive, address, &values),
         Some(Request::Loopback { data }) => {
@@ -20,12 +21,12 @@ pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     }
 }
 
-fn read(verb: &str, drive: Option<&KnownDrive>, address: u16, count: u16) -> String {
+fn read(verb: &str, drive: Option<&KnownDrive>, address: Address, count: u16) -> String {
     let words = if count == 1 { "word" } else { "words" };
     format!("{verb} {}, {count} {words}", place(drive, address))
 }
 
-fn write(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> FrameText {
+fn write(drive: Option<&KnownDrive>, address: Address, words: &[u16]) -> FrameText {
     let values = values(drive, address, words);
     FrameText { text: format!("write {}", in_text(&values, " = ", true)), exception: None, values }
 }
@@ -33,7 +34,7 @@ fn write(drive: Option<&KnownDrive>, address: u16, words: &[u16]) -> FrameText {
 fn other(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     let Some((&code, data)) = pdu.split_first() else { return FrameText::text("no function") };
     if let (function::READ_INPUT, [first, second, third, fourth]) = (code, data) {
-        let address = u16::from_be_bytes([*first, *second]);
+        let address = Address::new(Table::Input, u16::from_be_bytes([*first, *second]));
         let count = u16::from_be_bytes([*third, *fourth]);
         return FrameText::text(read("read input", drive, address, count));
     }

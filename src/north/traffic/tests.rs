@@ -191,7 +191,8 @@ fn a_read_and_its_reply_name_their_registers() {
     assert_eq!(asked.text, "read 0x0101 output frequency, 1 word");
     assert_eq!((asked.drive.unwrap().as_str(), asked.function), ("drive-1", Some(3)));
     assert_eq!(reply.text, "output frequency 50.00 Hz");
-    let value = FrameValue { address: 0x0101, name: Some("output_frequency".into()), text: "50.00 Hz".into() };
+    let value =
+        FrameValue { address: 0x0101_u16.into(), name: Some("output_frequency".into()), text: "50.00 Hz".into() };
     assert_eq!(reply.values, [value]);
 }
 

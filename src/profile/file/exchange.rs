@@ -61,7 +61,7 @@ impl WriteFile {
         let block = match &self.block {
             None => None,
             Some(block) => Some(BlockWrite {
-                address: block.value.as_ref()?.value.address.as_ref()?.value,
+                address: block.value.as_ref()?.value.address.as_ref()?.value.into(),
                 count: block.and_then(|it| Some(it.count.as_ref()?.value))?,
             }),
         };
@@ -128,7 +128,7 @@ impl BarrierFile {
     pub(super) fn ready(&self) -> Option<Barrier> {
         Some(match self.form.as_ref()? {
             BarrierForm::Read(BlockFile { address, count }) => {
-                Barrier::Read(BarrierRead { address: address.as_ref()?.value, count: count.as_ref()?.value })
+                Barrier::Read(BarrierRead { address: address.as_ref()?.value.into(), count: count.as_ref()?.value })
             }
             BarrierForm::LoopTest(fact) => Barrier::Loop(fact.ready()?),
             BarrierForm::Refused(function) => Barrier::Refused(function.ready()?),

@@ -1,6 +1,7 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{Confidence, Fact, FactPart, Model, Role};
+use crate::domain::address::Address;
 use crate::domain::control::ControlAction;
 use crate::domain::link::Interface;
 
@@ -169,7 +170,7 @@ pub enum RefusedWrite {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockWrite {
     /// First register of the block.
-    pub address: u16,
+    pub address: Address,
     /// Number of registers from `address` that one write may cover.
     pub count: Fact<u16>,
 }
@@ -182,7 +183,7 @@ pub struct SetupItem {
     /// The setting and its required value, in words.
     pub text: String,
     /// The register, if it is readable and writable over the bus. `None`: it is set at the drive itself.
-    pub address: Option<u16>,
+    pub address: Option<Address>,
     /// The acceptable words; the first one is written. Empty without a register.
     pub values: Fact<Vec<u16>>,
     /// The only interface that it applies to. `None`: all.
@@ -193,11 +194,11 @@ pub struct SetupItem {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Watchdog {
     /// The register that holds its time.
-    pub time: u16,
+    pub time: Address,
     /// The word in `time` that switches the watchdog off.
     pub off: Fact<u16>,
     /// The register that holds the drive's reaction to a time-out, if there is one.
-    pub action: Option<u16>,
+    pub action: Option<Address>,
     /// If a single decimal digit of that register holds the reaction, the place value of the digit: 1, 10, 100 or 1000.
     /// Otherwise the whole word holds it.
     pub action_digit: Option<u16>,

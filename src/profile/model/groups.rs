@@ -2,6 +2,7 @@
 //! parameters than its model describes, and a full copy needs them all.
 
 use super::{CodeRule, Model};
+use crate::domain::address::Address;
 use std::collections::BTreeSet;
 
 /// Maximum count of numbers in a group, from 0: codes have two digits.
@@ -27,29 +28,29 @@ impl Model {
                 groups.iter().map(|(name, high)| Group { name: name.clone(), high: *high }).collect()
             }
             Some(CodeRule::Hexadecimal(_)) => {
-                let bytes: BTreeSet<u8> = self.parameters().map(|it| it.address.to_be_bytes()[0]).collect();
+                let bytes: BTreeSet<u8> = self.parameters().map(|it| it.address.number().to_be_bytes()[0]).collect();
                 bytes.into_iter().map(|high| Group { name: format!("{high:02X}"), high }).collect()
             }
         }
     }
 
     /// The addresses that `group` may hold, in the drive's numbering.
-    pub fn addresses_of(&self, group: &Group) -> impl Iterator<Item = u16> {
-        let first = u16::from_be_bytes([group.high, 0]);
+    pub fn addresses_of(&self, group: &Group) -> impl Iterator<Item = Address> {
+        let first = Address::holding(u16::from_be_bytes([group.high, 0]));
         let all = std::iter::successors(Some(first), |address| Some(self.next_address(*address)));
         all.take(usize::from(NUMBERS_MAX)).filter(|address| self.code_in_group(*address).is_some())
     }
 
     /// The vendor's code of the parameter at `address`; `None` outside all groups.
     #[must_use]
-    pub fn code_in_group(&self, address: u16) -> Option<String> {
+    pub fn code_in_group(&self, address: Address) -> Option<String> {
         let rule = self.codes.as_ref()?;
-        let [high, low] = address.to_be_bytes();
+        let [high, low] = address.number().to_be_bytes();
         let code = match rule {
             CodeRule::Hexadecimal(_) => {
                 let is_decimal = low & 0xF <= 9 && low >> 4 <= 9;
-                let is_known = self.parameters().any(|it| it.address.to_be_bytes()[0] == high);
-                (is_decimal && is_known).then(|| format!("{address:04X}"))?
+                let is_known = self.parameters().any(|it| it.address.number().to_be_bytes()[0] == high);
+                (is_decimal && is_known).then(|| format!("{:04X}", address.number()))?
             }
             CodeRule::Groups { groups, separator, .. } => {
                 let (name, _) = groups.iter().find(|(_, byte)| *byte == high).filter(|_| low < NUMBERS_MAX)?;
@@ -57,7 +58,7 @@ impl Model {
             }
         };
         // There is no code beyond the end of a group.
-        (rule.address(&code) == Some(address)).then_some(code)
+        (rule.address(&code) == Some(address.number())).then_some(code)
     }
 }
 
@@ -78,10 +79,10 @@ mod tests {
             for address in addresses {
                 let code = model.code_in_group(address).unwrap();
                 assert!(code.starts_with(&group.name), "{code}");
-                assert_eq!(model.codes.as_ref().unwrap().address(&code), Some(address));
+                assert_eq!(model.codes.as_ref().unwrap().address(&code), Some(address.number()));
             }
         }
         let without = check::model(MODEL).unwrap();
-        assert_eq!((without.groups(), without.code_in_group(0x0101)), (Vec::new(), None));
+        assert_eq!((without.groups(), without.code_in_group(0x0101_u16.into())), (Vec::new(), None));
     }
 }

@@ -21,6 +21,7 @@ pub use parameter::ParameterKind;
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 
+use crate::domain::address::Address;
 use crate::domain::link::Framing;
 
 /// How sure a fact is. A control action rests on a fact only as far as its confidence allows.
@@ -124,21 +125,24 @@ pub struct Model {
 impl Model {
     /// The register at `address`.
     #[must_use]
-    pub fn register_at(&self, address: u16) -> Option<&Register> {
+    pub fn register_at(&self, address: impl Into<Address>) -> Option<&Register> {
+        let address = address.into();
         self.registers.iter().find(|register| register.address == address)
     }
 
     /// The register whose stored twin is at `address`, on a model that has such twins.
     #[must_use]
-    pub fn stored_twin(&self, address: u16) -> Option<&Register> {
+    pub fn stored_twin(&self, address: impl Into<Address>) -> Option<&Register> {
+        let address = address.into();
         let bit = 1_u16.checked_shl(u32::from(self.quirks.stored_alias_bit.as_ref()?.value))?;
-        (address & bit != 0).then(|| self.register_at(address & !bit))?
+        let number = address.number();
+        (number & bit != 0).then(|| self.register_at(address.at(number & !bit)))?
     }
 
     /// Whether the register at `address` is non-volatile. If undocumented, only the registers that the gateway commands
     /// through count as volatile: no drive is commanded through a memory that wears out.
     #[must_use]
-    pub fn is_stored(&self, address: u16) -> bool {
+    pub fn is_stored(&self, address: impl Into<Address>) -> bool {
         let Some(register) = self.register_at(address) else { return true };
         match register.memory {
             Some(memory) => memory == Memory::Stored,
@@ -204,19 +208,20 @@ impl Model {
 
     /// How many words may be read from `address` in one frame before the model's limit or group boundary.
     #[must_use]
-    pub fn words_in_one_read(&self, address: u16) -> u16 {
-        self.read.words_from(address)
+    pub fn words_in_one_read(&self, address: impl Into<Address>) -> u16 {
+        self.read.words_from(address.into().number())
     }
 
     /// The address after `address`, in the drive's numbering.
     #[must_use]
-    pub fn next_address(&self, address: u16) -> u16 {
+    pub fn next_address(&self, address: Address) -> Address {
         let is_decimal = self.quirks.decimal_numbers.is_some();
-        match (is_decimal, address & 0xF, address & 0xF0) {
-            (true, 9.., 0x90..) => (address & 0xFF00).wrapping_add(0x100),
-            (true, 9.., _) => (address & 0xFFF0).wrapping_add(0x10),
-            _ => address.wrapping_add(1),
-        }
+        let number = address.number();
+        address.at(match (is_decimal, number & 0xF, number & 0xF0) {
+            (true, 9.., 0x90..) => (number & 0xFF00).wrapping_add(0x100),
+            (true, 9.., _) => (number & 0xFFF0).wrapping_add(0x10),
+            _ => number.wrapping_add(1),
+        })
     }
 
     /// The model for a line with `framing`: ASCII frames carry fewer words.

@@ -1,6 +1,7 @@
 //! Which registers are parameters that a tool may restore, and which of them it writes last or never.
 
 use super::{Model, Register, Role};
+use crate::domain::address::Address;
 
 /// How a tool that restores parameters treats a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -72,7 +73,7 @@ impl Model {
 
     /// Whether `word` at `address` satisfies an item of the set-up.
     #[must_use]
-    pub fn is_set_up_by(&self, address: u16, word: u16) -> bool {
+    pub fn is_set_up_by(&self, address: Address, word: u16) -> bool {
         self.setup.iter().any(|item| item.address == Some(address) && item.values.value.contains(&word))
     }
 }

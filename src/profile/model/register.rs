@@ -1,6 +1,7 @@
 //! One register of a model: its address, its meaning, and its use by the gateway.
 
 use super::Confidence;
+use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
 
@@ -187,7 +188,7 @@ pub struct Register {
     /// The vendor's code (`F007`), if it has one.
     pub code: Option<String>,
     /// Address as sent on the wire.
-    pub address: u16,
+    pub address: Address,
     /// Raw steps per unit of measure: value = raw / scale. Never 0.
     pub scale: u32,
     /// Whether the raw word is in two's complement.

@@ -1,6 +1,7 @@
 //! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
 use super::{Confidence, Fact};
+use crate::domain::address::Address;
 use std::time::Duration;
 
 /// A state that a status register can indicate.
@@ -30,7 +31,7 @@ pub struct StatusFlag {
     /// The state that it indicates.
     pub flag: Flag,
     /// The register, which is polled.
-    pub address: u16,
+    pub address: Address,
     /// The relevant bits.
     pub mask: u16,
     /// The masked words for which it is set.
@@ -77,7 +78,7 @@ pub enum Barrier {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BarrierRead {
     /// First register.
-    pub address: u16,
+    pub address: Address,
     /// Number of words.
     pub count: u16,
 }

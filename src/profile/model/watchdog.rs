@@ -1,6 +1,7 @@
 //! Conversion between times and words of the drive's own watchdog.
 
 use super::Model;
+use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use std::time::Duration;
 
@@ -37,9 +38,10 @@ impl Model {
 
     /// Whether a write to `address` sets the drive's own watchdog: its time, its reaction, or a stored twin of either.
     #[must_use]
-    pub fn sets_watchdog(&self, address: u16) -> bool {
+    pub fn sets_watchdog(&self, address: impl Into<Address>) -> bool {
+        let address = address.into();
         let Some(watchdog) = &self.watchdog else { return false };
-        let is_one = |address| watchdog.time == address || watchdog.action == Some(address);
+        let is_one = |address: Address| watchdog.time == address || watchdog.action == Some(address);
         is_one(address) || self.stored_twin(address).is_some_and(|register| is_one(register.address))
     }
 }
@@ -61,7 +63,7 @@ mod tests {
         register.range = Some(0..=255);
         assert_eq!((model.watchdog_time(20), model.watchdog_word(None)), (None, None), "it has none");
         model.watchdog = Some(Watchdog {
-            time: 0x020C,
+            time: 0x020C_u16.into(),
             off: fact(0),
             action: None,
             action_digit: None,

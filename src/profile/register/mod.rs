@@ -3,6 +3,7 @@
 mod extra;
 mod rules;
 
+use crate::domain::address::Address;
 pub use extra::{extra_register, with_extra};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 
@@ -61,7 +62,7 @@ impl RegisterFile {
             name: self.name.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
             code: self.code.clone().optional()?,
-            address: self.address.as_ref()?.value,
+            address: self.address.as_ref()?.value.into(),
             scale: self.scale.or(1)?,
             signed: self.signed.or(false)?,
             unit: self.unit.as_ref()?.value,
@@ -189,8 +190,8 @@ fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
 }
 
 /// The address of the register called `name`.
-pub(super) fn address_of(name: &str, registers: &[RegisterFile]) -> Option<u16> {
-    Some(named(name, registers)?.address.as_ref()?.value)
+pub(super) fn address_of(name: &str, registers: &[RegisterFile]) -> Option<Address> {
+    Some(named(name, registers)?.address.as_ref()?.value.into())
 }
 
 /// The register called `name`.

@@ -14,7 +14,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
         let owner = format!("`{}` of the model", register.name);
         taken.labels.insert(register.name.to_lowercase(), owner.clone());
         taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
-        taken.addresses.insert(register.address, owner);
+        taken.addresses.insert(register.address.number(), owner);
     }
     for register in written {
         taken.add(register, problems);

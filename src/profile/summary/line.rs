@@ -59,7 +59,7 @@ pub(super) fn reads_and_writes(model: &Model) -> Vec<Row> {
     }
     rows.push(row("a refused write", word_for(&REFUSED_WRITES, &write.refused.value), &write.refused));
     if let Some(block) = &write.block {
-        let value = format!("0x{:04X} x{}", block.address, block.count.value);
+        let value = format!("{} x{}", block.address, block.count.value);
         rows.push(row("written together", value, &block.count));
     }
     rows
@@ -83,7 +83,7 @@ fn up_to(most: u16) -> String {
 
 pub(super) fn barriers(barriers: &[Barrier]) -> Vec<Row> {
     let barriers = barriers.iter().map(|barrier| match barrier {
-        Barrier::Read(it) => vec!["read".to_owned(), format!("0x{:04X} x{}", it.address, it.count)],
+        Barrier::Read(it) => vec!["read".to_owned(), format!("{} x{}", it.address, it.count)],
         Barrier::Loop(fact) => row("loop test", "08 hex with fresh data", fact),
         Barrier::Refused(fact) => row("refused function", format!("{:02X} hex", fact.value), fact),
     });

@@ -1,6 +1,7 @@
 //! The register sections of a summary: the table of all registers, and the meanings of their words.
 
 use super::layout::{Row, choice, list, row};
+use crate::domain::address::Address;
 use crate::profile::model::{CodeRule, Model, Register};
 use crate::profile::scale::Scaled;
 use crate::profile::words::{FLAGS, POLL_CLASSES};
@@ -8,8 +9,8 @@ use crate::toml_file::words::word_for;
 use std::ops::RangeInclusive;
 
 /// The name of the register at `address`.
-pub(super) fn name_at(model: &Model, address: u16) -> String {
-    model.register_at(address).map_or_else(|| format!("0x{address:04X}"), |register| register.name.clone())
+pub(super) fn name_at(model: &Model, address: Address) -> String {
+    model.register_at(address).map_or_else(|| address.to_string(), |register| register.name.clone())
 }
 
 pub(super) fn registers(registers: &[Register]) -> Vec<Row> {
@@ -35,7 +36,7 @@ pub(super) fn registers(registers: &[Register]) -> Vec<Row> {
 fn register(register: &Register) -> Row {
     let memory = register.memory.map_or("-", |memory| memory.word());
     vec![
-        format!("0x{:04X}", register.address),
+        register.address.to_string(),
         register.code.clone().unwrap_or_else(|| "-".to_owned()),
         register.name.clone(),
         register.unit.to_string(),

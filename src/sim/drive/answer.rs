@@ -4,6 +4,7 @@ use super::SimDrive;
 use super::back_door::BackDoor;
 use super::denied::{Denied, Objection};
 use super::memory::{MemoryAddress, following, index_of, place_of};
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{BlockWrite, RefusedWrite, Role};
 use crate::sim::options::BadRequest;
@@ -75,11 +76,10 @@ impl SimDrive {
             return Err(Denied::Request(Objection::Function));
         }
         match Request::decode(pdu) {
-            Some(Request::ReadHolding { address, count }) => self.read(at, address, count, exchange, out),
+            Some(Request::Read { address, count }) => self.read(at, address, count, exchange, out),
             Some(Request::WriteSingle { address, value }) => {
                 let holds = self.write(at, address, value)?;
-                out.push(function::WRITE_SINGLE);
-                pdu::put_words(out, &[address, holds]);
+                Request::write(address, holds).encode(out);
                 Ok(())
             }
             Some(Request::Loopback { .. }) => {
@@ -99,7 +99,7 @@ impl SimDrive {
         }
     }
 
-    fn read(&self, at: MonoTime, first: u16, count: u16, exchange: u64, out: &mut Vec<u8>) -> Result<(), Denied> {
+    fn read(&self, at: MonoTime, first: Address, count: u16, exchange: u64, out: &mut Vec<u8>) -> Result<(), Denied> {
         if count == 0 || count > self.model.words_in_one_read(first) || count > pdu::MAX_READ_WORDS {
             return Err(Denied::Request(Objection::Quantity));
         }
@@ -112,13 +112,13 @@ impl SimDrive {
             *word = readable.ok_or(Denied::Request(Objection::Address))?;
             next = next.and_then(|address| following(address, is_decimal));
         }
-        pdu::encode_words_reply(out, words);
+        pdu::encode_read_reply(out, first.table(), words);
         Ok(())
     }
 
-    /// The word at `address` as shown by a read; `None` if reading is not documented there.
-    fn readable(&self, at: MonoTime, address: u16, exchange: u64) -> Option<u16> {
-        if self.options.proof_words.as_ref().is_some_and(|range| range.contains(&address)) {
+    /// The word at `address` as a read shows it; nothing if reading is not documented there.
+    fn readable(&self, at: MonoTime, address: Address, exchange: u64) -> Option<u16> {
+        if self.options.proof_words.as_ref().is_some_and(|range| range.contains(&address.number())) {
             return Some((exchange & 0xFFFF) as u16);
         }
         match index_of(&self.model, address) {
@@ -128,8 +128,8 @@ impl SimDrive {
         }
     }
 
-    /// Accepts `value` or keeps the old one; returns what the register at `address` then holds.
-    fn write(&mut self, at: MonoTime, address: u16, value: u16) -> Result<u16, Denied> {
+    /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
+    fn write(&mut self, at: MonoTime, address: Address, value: u16) -> Result<u16, Denied> {
         let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
         // A drive that answers with the kept word refuses nothing if both are equal.
         let is_new = self.model.write.refused.value == RefusedWrite::Exception || self.held(at, place.index) != value;
@@ -144,8 +144,8 @@ impl SimDrive {
         }
     }
 
-    /// Accepts all `values` or none.
-    fn write_block(&mut self, at: MonoTime, first: u16, values: &[u16]) -> Result<(), Denied> {
+    /// Takes all `values` or none.
+    fn write_block(&mut self, at: MonoTime, first: Address, values: &[u16]) -> Result<(), Denied> {
         // Without a block, function 10 hex writes one register as 06 does it.
         let block = self.model.write.block.as_ref();
         let most = block.map_or(1, |block| block.count.value);
@@ -155,17 +155,16 @@ impl SimDrive {
         if self.refuses_stop(function::WRITE_MULTIPLE, first, values[0]) {
             return Err(Denied::Request(Objection::Address));
         }
-        let (first, end) = (u32::from(first), u32::from(first) + values.len() as u32);
         let is_inside = |block: &BlockWrite| {
-            let start = u32::from(block.address);
-            start <= first && end <= start + u32::from(block.count.value)
+            let offset = first.offset_from(block.address).map(usize::from);
+            offset.is_some_and(|offset| offset + values.len() <= usize::from(block.count.value))
         };
         if !block.is_none_or(is_inside) {
             return Err(Denied::Request(Objection::Address));
         }
         let mut trial = self.clone();
-        let done = (first..).zip(values).try_for_each(|(address, value)| {
-            let place = u16::try_from(address).ok().and_then(|address| place_of(&trial.model, address));
+        let done = first.onwards().zip(values).try_for_each(|(address, value)| {
+            let place = place_of(&trial.model, address);
             trial.store(at, place.ok_or(Objection::Address)?, *value)
         });
         match done {

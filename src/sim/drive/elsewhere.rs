@@ -4,6 +4,7 @@
 use super::SimDrive;
 use super::control::sign;
 use super::memory::index_of;
+use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Role;
@@ -68,12 +69,12 @@ impl SimDrive {
 
     /// The word that the register at `address` holds, whether or not it can be read over the line.
     #[must_use]
-    pub fn word(&self, address: u16) -> Option<u16> {
+    pub fn word(&self, address: Address) -> Option<u16> {
         index_of(&self.model, address).map(|index| self.memory.word(index))
     }
 
     /// Whether a write of `value` to `address` by function `by` is a stop that this drive refuses.
-    pub(super) fn refuses_stop(&self, by: u8, address: u16, value: u16) -> bool {
+    pub(super) fn refuses_stop(&self, by: u8, address: Address, value: u16) -> bool {
         let is_refused = match self.options.refused_stops {
             RefusedStops::None => return false,
             RefusedStops::Single => by == function::WRITE_SINGLE,

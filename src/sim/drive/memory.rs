@@ -3,6 +3,7 @@
 use super::super::options::DriveOptions;
 use super::back_door::BackDoor;
 use super::command::has_priority;
+use crate::domain::address::Address;
 use crate::profile::model::{Access, Memory as Kind, Model, Register, Role, RunForm};
 use std::time::Duration;
 
@@ -71,25 +72,26 @@ impl Memory {
     }
 }
 
-/// The target of a write to `address`.
-pub(super) fn place_of(model: &Model, address: u16) -> Option<MemoryAddress> {
+/// What `address` means in a write.
+pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress> {
     if let Some(index) = index_of(model, address) {
         return Some(MemoryAddress { index, is_twin: false });
     }
     let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
-    let index = index_of(model, address & !bit).filter(|_| address & bit != 0)?;
+    let number = address.number();
+    let index = index_of(model, address.at(number & !bit)).filter(|_| number & bit != 0)?;
     // Only parameters are stored: commands are written only, measurements are read only.
     (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, is_twin: true })
 }
 
-/// The index in the model of the register at `address`.
-pub(super) fn index_of(model: &Model, address: u16) -> Option<usize> {
+/// Where the register at `address` stands in the model.
+pub(super) fn index_of(model: &Model, address: Address) -> Option<usize> {
     model.registers.binary_search_by_key(&address, |register| register.address).ok()
 }
 
-/// The address after `address`; `None` after the last one. With `is_decimal` the last two places are decimal digits.
-pub(super) fn following(address: u16, is_decimal: bool) -> Option<u16> {
-    let step = match (is_decimal, address & 0x00FF) {
+/// The number after `address`; nothing behind the last one. With `is_decimal` the last two places count to 9.
+pub(super) fn following(address: Address, is_decimal: bool) -> Option<Address> {
+    let step = match (is_decimal, address.number() & 0x00FF) {
         (true, 0x99) => 0x100 - 0x99,
         (true, low) if low & 0x0F == 9 => 7,
         _ => 1,

@@ -30,6 +30,7 @@ use super::motor::Motor;
 use super::options::DriveOptions;
 use super::report::DriveReport;
 use super::trip::TripLog;
+use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, Role};
@@ -105,7 +106,7 @@ impl SimDrive {
 
     /// Number of writes from the bus to the stored memory of the register at `address`; 0 for an unknown one.
     #[must_use]
-    pub fn stored_writes(&self, address: u16) -> u64 {
+    pub fn stored_writes(&self, address: Address) -> u64 {
         index_of(&self.model, address).map_or(0, |index| self.memory.stored_writes(index))
     }
 
@@ -176,9 +177,9 @@ impl SimDrive {
         }
     }
 
-    /// Sets the register at `address` as at the operator panel, whatever the source registers say; registers with
-    /// behaviour (frequencies, trips) do not change. An unknown address has no effect.
-    pub fn set_locally(&mut self, at: MonoTime, address: u16, value: u16) {
+    /// Sets the register at `address` as somebody at the operator panel would, with no regard to sources;
+    /// registers that behave (frequencies, trips) do not change. Nothing happens at an unknown address.
+    pub fn set_locally(&mut self, at: MonoTime, address: Address, value: u16) {
         self.advance(at);
         if let Some(index) = index_of(&self.model, address) {
             self.memory.keep(index, value);

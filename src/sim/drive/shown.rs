@@ -2,6 +2,7 @@
 
 use super::SimDrive;
 use super::memory::index_of;
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Register, Role};
@@ -90,7 +91,7 @@ impl SimDrive {
 
     /// The word of the block of trip records at `address`, whether or not the model lists each word of them: four
     /// words a record without a gap. The block ends where the model has something else.
-    pub(super) fn block_word(&self, address: u16) -> Option<u16> {
+    pub(super) fn block_word(&self, address: Address) -> Option<u16> {
         let registers = &self.model.registers;
         let first = index_of(&self.model, self.model.register_for(Role::TripCause)?.address)?;
         let newest = registers.get(first..first + RECORD.len())?;
@@ -98,13 +99,17 @@ impl SimDrive {
         let is_listed = newest
             .iter()
             .zip(RECORD)
-            .zip(start..)
+            .zip(start.onwards())
             .all(|((register, role), address)| register.role == Some(role) && register.address == address);
         let older = registers.iter().filter(|it| it.role == Some(Role::TripHistory));
         let is_block = is_listed && older.zip(1..).all(|(it, back)| it.address == start.saturating_add(4 * back));
         let others = registers[first..].iter().filter(|it| it.role.is_some_and(|role| !is_of_a_trip(role)));
-        let end = others.map(|it| it.address).min().unwrap_or(u16::MAX).min(start.saturating_add(4 * BLOCK_RECORDS));
-        let offset = address.checked_sub(start).filter(|_| is_block && address < end)?;
+        let end = others
+            .map(|it| it.address)
+            .min()
+            .unwrap_or(start.at(u16::MAX))
+            .min(start.saturating_add(4 * BLOCK_RECORDS));
+        let offset = address.offset_from(start).filter(|_| is_block && address < end)?;
         let record = self.trips.record(usize::from(offset / 4))?;
         let register = &newest[usize::from(offset % 4)];
         Some(match offset % 4 {

@@ -1,6 +1,7 @@
 //! Status words: the bits and codes for the state of a drive.
 
 use super::SimDrive;
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Flag, StatusFlag};
 
@@ -19,7 +20,7 @@ const FLAGS: [Flag; 8] = [
 impl SimDrive {
     /// The word of the status register at `address`; `None` if it has no flag. Bits that no flag names are
     /// those of `other`.
-    pub(super) fn status_word(&self, at: MonoTime, address: u16, other: u16) -> Option<u16> {
+    pub(super) fn status_word(&self, at: MonoTime, address: Address, other: u16) -> Option<u16> {
         let flags = |flag| self.model.status.iter().find(move |it| it.address == address && it.flag == flag);
         let here: Vec<_> = FLAGS.into_iter().filter_map(flags).collect();
         let named = here.iter().fold(0, |mask, it| mask | it.mask);

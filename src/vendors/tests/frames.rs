@@ -336,7 +336,7 @@ fn run_words_of_the_frames_are_commands_of_the_models() {
     for frame in frames() {
         let Some(model) = &frame.model else { continue };
         let register = model.register_for(Role::RunCommand).unwrap().address;
-        if frame.request.function() != 6 || frame.request.word(2) != register {
+        if frame.request.function() != 6 || register != frame.request.word(2) {
             continue;
         }
         let word = frame.request.word(4);

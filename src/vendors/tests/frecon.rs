@@ -1,6 +1,7 @@
 //! The FR500A against its manual.
 
 use super::*;
+use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{
     Ampere, Celsius, Hertz, Hour, Kilowatt, None as Plain, Percent, Rpm, Second, Volt,
 };
@@ -125,7 +126,7 @@ fn registers_are_those_of_the_manual() {
     assert_registers(&model, &REGISTERS);
     assert_eq!(signed(&model), [0x2004, 0x3004, 0x3011, 0x3017]);
     assert_eq!(back_doors(&model), [0x0108, 0x0109, 0x010A, 0x2002, 0x2003, 0x2004]);
-    let ram = addresses(&model, |it| it.access == ReadWrite || [0x2000, 0x2001].contains(&it.address));
+    let ram = addresses(&model, |it| it.access == ReadWrite || [0x2000, 0x2001].contains(&it.address.number()));
     assert_eq!(in_memory(&model, Memory::Ram), ram);
     assert_eq!(in_memory(&model, Memory::Stored), NOTHING);
     assert_eq!(
@@ -267,7 +268,10 @@ fn trips_setup_and_codes_are_those_of_the_manual() {
         ]
     );
     let watchdog = model.watchdog.as_ref().unwrap();
-    assert_eq!((watchdog.time, parts(&watchdog.off), watchdog.action), (0x0F03, (0, Inferred), Some(0x0B0B)));
+    assert_eq!(
+        (watchdog.time.number(), parts(&watchdog.off), watchdog.action.map(Address::number)),
+        (0x0F03, (0, Inferred), Some(0x0B0B))
+    );
     let rule = model.codes.as_ref().unwrap();
     assert_eq!((rule.address("F01.02"), rule.address("F22.99")), (Some(0x0102), Some(0x1663)));
     assert_eq!((rule.address("F31.00"), rule.address("U01.25")), (Some(0x1F00), Some(0x3119)));

@@ -9,6 +9,7 @@ mod teco;
 mod toshiba;
 
 use super::texts;
+use crate::domain::address::Address;
 use crate::domain::control::ControlAction;
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::units::UnitOfMeasure;
@@ -47,7 +48,7 @@ type Row = (u16, Option<&'static str>, u32, UnitOfMeasure, Access, Confidence);
 
 #[track_caller]
 fn assert_registers(model: &Model, rows: &[Row]) {
-    let row = |it: &Register| (it.address, it.code.clone(), it.scale, it.unit, it.access, it.confidence);
+    let row = |it: &Register| (it.address.number(), it.code.clone(), it.scale, it.unit, it.access, it.confidence);
     let found: Vec<_> = model.registers.iter().map(row).collect();
     let expected: Vec<_> = rows.iter().map(|it| (it.0, it.1.map(str::to_owned), it.2, it.3, it.4, it.5)).collect();
     for (found, expected) in found.iter().zip(&expected) {
@@ -58,7 +59,7 @@ fn assert_registers(model: &Model, rows: &[Row]) {
 
 /// Where each role is; a role that several registers have comes several times.
 fn roles(model: &Model) -> Vec<(Role, u16)> {
-    let mut roles: Vec<_> = model.registers.iter().filter_map(|it| Some((it.role?, it.address))).collect();
+    let mut roles: Vec<_> = model.registers.iter().filter_map(|it| Some((it.role?, it.address.number()))).collect();
     roles.sort_unstable();
     roles
 }
@@ -72,7 +73,7 @@ fn assert_roles(model: &Model, expected: &[(Role, u16)]) {
 
 /// The addresses of the registers for which `is` holds.
 fn addresses(model: &Model, is: impl Fn(&Register) -> bool) -> Vec<u16> {
-    model.registers.iter().filter(|register| is(register)).map(|register| register.address).collect()
+    model.registers.iter().filter(|register| is(register)).map(|register| register.address.number()).collect()
 }
 
 fn polled(model: &Model, class: PollClass) -> Vec<u16> {
@@ -92,7 +93,7 @@ fn signed(model: &Model) -> Vec<u16> {
 }
 
 fn ranges(model: &Model) -> Vec<(u16, RangeInclusive<i32>)> {
-    model.registers.iter().filter_map(|it| Some((it.address, it.range.clone()?))).collect()
+    model.registers.iter().filter_map(|it| Some((it.address.number(), it.range.clone()?))).collect()
 }
 
 /// What the words of the register at `address` mean.
@@ -107,7 +108,7 @@ fn meanings(model: &Model, address: u16) -> Vec<(u16, &str)> {
 type StatusRow = (Flag, u16, u16, Vec<u16>, Confidence);
 
 fn status(model: &Model) -> Vec<StatusRow> {
-    model.status.iter().map(|it| (it.flag, it.address, it.mask, it.values.clone(), it.confidence)).collect()
+    model.status.iter().map(|it| (it.flag, it.address.number(), it.mask, it.values.clone(), it.confidence)).collect()
 }
 
 fn codes(texts: &[CodeText]) -> Vec<u16> {
@@ -116,7 +117,11 @@ fn codes(texts: &[CodeText]) -> Vec<u16> {
 
 /// Set-up in its order: what is set, where, the right words and how sure that is.
 fn setup(model: &Model) -> Vec<(&str, Option<u16>, &[u16], Confidence)> {
-    model.setup.iter().map(|it| (it.what.as_str(), it.address, &it.values.value[..], it.values.confidence)).collect()
+    model
+        .setup
+        .iter()
+        .map(|it| (it.what.as_str(), it.address.map(Address::number), &it.values.value[..], it.values.confidence))
+        .collect()
 }
 
 /// Stop, forward, reverse, coast, reset, release.
@@ -136,7 +141,7 @@ fn run_words(model: &Model) -> RunWords {
 }
 
 fn barrier_read(address: u16, count: u16) -> Barrier {
-    Barrier::Read(BarrierRead { address, count })
+    Barrier::Read(BarrierRead { address: address.into(), count })
 }
 
 #[test]

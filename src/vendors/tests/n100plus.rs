@@ -1,6 +1,7 @@
 //! The N100plus against its manual and what is known of its sibling.
 
 use super::*;
+use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{Ampere, Hertz, Hour, None as Plain, Second, Volt};
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Reset, RunForward, RunReverse};
@@ -184,7 +185,7 @@ fn a_register_may_be_named_like_its_own_code() {
         assert_eq!(problems, [""; 0], "{lines}");
         for name in ["a60", "A60"] {
             let found = model.register_named(name).map(|register| register.address);
-            assert_eq!(found, Some(0x033C), "{lines}: {name}");
+            assert_eq!(found, Some(Address::holding(0x033C)), "{lines}: {name}");
         }
     }
     let (_, problems) = extended(&a60("name = 'a60'\ncode = 'A60'\naddress = 0x0303"));
@@ -198,5 +199,5 @@ fn behind_d13_a_code_may_be_at_any_address() {
     let (model, problems) =
         extended("name = 'trips'\ncode = 'd17'\ntitle = 'x'\nunit = '-'\naccess = 'read'\naddress = 0x0120");
     assert_eq!(problems, [""; 0]);
-    assert_eq!(model.register_named("d17").map(|register| register.address), Some(0x0120));
+    assert_eq!(model.register_named("d17").map(|register| register.address.number()), Some(0x0120));
 }

@@ -59,7 +59,7 @@ fn n700_registers_have_their_uses() {
     for (role, address) in roles {
         assert_eq!(model.register_for(role).unwrap().address, address, "{role:?}");
     }
-    let polled: Vec<_> = model.registers.iter().filter_map(|it| Some((it.address, it.poll?))).collect();
+    let polled: Vec<_> = model.registers.iter().filter_map(|it| Some((it.address.number(), it.poll?))).collect();
     let (fast, slow) = (PollClass::Fast, PollClass::Slow);
     assert_eq!(polled, [(0x0101, fast), (0x0112, PollClass::Second), (0x0201, slow), (0x0211, slow), (0x0212, slow)]);
     let trip = ["trip_count", "trip_cause", "trip_frequency", "trip_current", "trip_dc_voltage"];
@@ -94,8 +94,8 @@ fn n700_times_and_limits_are_those_of_the_manual() {
     assert_eq!((parts(&model.read.max_words), model.read.boundary), ((8, Manual), Some(Boundary::HighByte)));
     assert_eq!((model.words_in_one_read(0x0101), model.words_in_one_read(0x01FE)), (8, 2));
     assert_eq!(parts(&model.write.refused), (RefusedWrite::KeepsOldValue, Inferred));
-    let barriers =
-        [(0x0101, 1), (0x0211, 2), (0x0113, 4)].map(|(address, count)| Barrier::Read(BarrierRead { address, count }));
+    let barriers = [(0x0101, 1), (0x0211, 2), (0x0113, 4)]
+        .map(|(address, count)| Barrier::Read(BarrierRead { address: address.into(), count }));
     assert_eq!(model.barriers, barriers);
 }
 

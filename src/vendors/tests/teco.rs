@@ -1,6 +1,7 @@
 //! The E510 and the E510s against their manuals, field notes and what is known of their siblings.
 
 use super::*;
+use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{Ampere, Celsius, Hertz, Kilowatt, None as Plain, Rpm, Second, Volt};
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Other, Reset, Reverse, Run, Trip};
@@ -98,7 +99,7 @@ fn registers_are_those_of_the_sheet() {
         assert_eq!(signed(model), NOTHING);
         assert_eq!(back_doors(model), [0x0008, 0x000C, 0x000D, 0xA002]);
         assert_eq!(in_memory(model, Memory::Ram), NOTHING);
-        assert_eq!(in_memory(model, Memory::Stored), addresses(model, |register| register.address < 0x2000));
+        assert_eq!(in_memory(model, Memory::Stored), addresses(model, |register| register.address < 0x2000_u16.into()));
     }
     assert_eq!(ranges(&e510), [(0x0900, 1..=32), (0x0906, 0..=255)]);
     let of_the_e510s = [(0x0900, 1..=254), (0x0906, 0..=255), (0x0908, 1..=20), (0x0909, 5..=65), (0x090A, 1..=254)];
@@ -181,7 +182,7 @@ fn times_and_limits_are_those_of_the_sheet() {
         assert_eq!(model.read.boundary, Some(Boundary::HighByte));
         assert_eq!(parts(&model.write.refused), (RefusedWrite::Exception, SecondSource));
         let written = model.write.block.as_ref().unwrap();
-        assert_eq!((written.address, parts(&written.count)), (0x2501, (2, block)));
+        assert_eq!((written.address.number(), parts(&written.count)), (0x2501, (2, block)));
         let [Barrier::Loop(loop_test), reads @ ..] = &model.barriers[..] else { panic!("{:?}", model.barriers) };
         assert_eq!(loop_test.confidence, SecondSource);
         assert_eq!(reads, [barrier_read(0x2524, 1), barrier_read(0x2523, 3), barrier_read(0x2523, 5)]);
@@ -268,7 +269,10 @@ fn trips_are_those_of_a_sibling() {
 fn the_drive_has_a_watchdog_and_two_sources() {
     for (model, off, sure) in [(e510(), SecondSource, ThirdParty), (e510s(), Sibling, Sibling)] {
         let watchdog = model.watchdog.as_ref().unwrap();
-        assert_eq!((watchdog.time, parts(&watchdog.off), watchdog.action), (0x0906, (0, off), Some(0x0907)));
+        assert_eq!(
+            (watchdog.time.number(), parts(&watchdog.off), watchdog.action.map(Address::number)),
+            (0x0906, (0, off), Some(0x0907))
+        );
         assert!(!model.watchdog_is_proven(), "where 09-06 is on the line, a program alone shows");
         assert_eq!(setup(&model), [("00-05", Some(0x0005), &[5][..], sure), ("00-02", Some(0x0002), &[2][..], sure)]);
     }

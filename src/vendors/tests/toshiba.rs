@@ -255,7 +255,7 @@ fn what_they_do_differently_is_named() {
         assert_eq!(maybe(quirks.deaf_after_reset.as_ref()), Some((ms(2000), Sibling)));
         assert_eq!((&quirks.setpoint_before_run, &quirks.stored_alias_bit), (&None, &None));
         assert_eq!(quirks.pause_before_request, None);
-        assert_eq!(model.next_address(0xFE09), 0xFE10);
+        assert_eq!(model.next_address(0xFE09_u16.into()), 0xFE10);
         assert!(matches!(&model.codes, Some(CodeRule::Hexadecimal(origin)) if origin.confidence == Manual));
         assert_eq!(model.watchdog, None);
     }

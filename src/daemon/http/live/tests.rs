@@ -39,7 +39,7 @@ fn show(state: &State, view: DriveView) {
 fn online(at: MonoTime, hertz: u16) -> DriveView {
     let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
     view.snapshot.presence = Presence::Online;
-    view.snapshot.take(0x0101, &[hertz * 100], at);
+    view.snapshot.take(0x0101_u16.into(), &[hertz * 100], at);
     view
 }
 

@@ -19,7 +19,7 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
     let model = &drive.model;
     let control = drive.control.as_deref();
     let registers = model.registers.iter();
-    let rows = registers.map(|register| of(model, register, register.address, control, rights));
+    let rows = registers.map(|register| of(model, register, register.address.number(), control, rights));
     let twins = control.iter().flat_map(|control| &control.native_write).filter_map(|address| {
         let register = model.stored_twin(*address).filter(|_| model.register_at(*address).is_none())?;
         Some(of(model, register, *address, control, rights))
@@ -34,7 +34,7 @@ fn of(model: &Model, register: &Register, address: u16, control: Option<&Control
     let is_listed = control.is_some_and(|control| control.native_write.contains(&address));
     let commands = rights.write && control.is_some_and(|control| control.from_modbus_tcp);
     let stops = rights.stop && control.is_some() && register.role == Some(Role::RunCommand);
-    let is_twin = address != register.address;
+    let is_twin = register.address != address;
     let is_written = commands && (is_command || is_listed) || stops;
     SheetRow {
         table: SheetTable::Word,

@@ -88,5 +88,5 @@ fn coil_text(address: u16, taken: &[u16]) -> &'static str {
 fn register(drive: &DriveDescription, unit: &Uniform, address: u16) -> Option<String> {
     let register = drive.model.register_at(unit.register_of(address)?)?;
     let code = register.code.as_ref().map(|code| format!(" ({code})")).unwrap_or_default();
-    Some(format!("0x{:04X} {}{code}", register.address, register.name))
+    Some(format!("{} {}{code}", register.address, register.name))
 }

@@ -1,5 +1,6 @@
 //! One measurement of a drive, from the word of its register to the word of the uniform map.
 
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
@@ -16,7 +17,7 @@ pub const ABSENT_SIGNED: u16 = 0x8000;
 /// Where a measurement comes from.
 #[derive(Clone, Debug)]
 pub(super) struct Column {
-    address: u16,
+    address: Address,
     scale: u32,
     is_signed: bool,
     /// The register is in per cent of a rated value that is stated.
@@ -52,7 +53,7 @@ impl Column {
     }
 
     /// The drive's own register.
-    pub(super) const fn address(&self) -> u16 {
+    pub(super) const fn address(&self) -> Address {
         self.address
     }
 

@@ -1,6 +1,7 @@
 //! Where the uniform words of one drive come from, looked up once.
 
 use super::column::Column;
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
@@ -21,7 +22,7 @@ pub(super) struct Sources {
     pub(super) temperature: Option<Column>,
     pub(super) run_hours: Option<Column>,
     /// Every register that is polled while it may change, with the age from which it is stale.
-    pub(super) polled: Vec<(u16, Duration)>,
+    pub(super) polled: Vec<(Address, Duration)>,
     /// Trips are shown or counted.
     pub(super) has_trips: bool,
     /// The drive has a control section.

@@ -154,8 +154,8 @@ fn each_run_state_has_its_number_and_bits() {
 fn at_setpoint_is_within_a_tenth_of_a_hertz() {
     for (output, setting, near) in [(4250, 424, true), (4250, 426, true), (4261, 425, false), (4239, 425, false)] {
         let mut view = testing::view();
-        view.snapshot.take(0x0101, &[output], NOW);
-        view.snapshot.take(0x010A, &[setting], NOW);
+        view.snapshot.take(0x0101_u16.into(), &[output], NOW);
+        view.snapshot.take(0x010A_u16.into(), &[setting], NOW);
         assert_eq!(word(1, &view) & bit::AT_SETPOINT != 0, near, "{output} {setting}");
     }
 }

@@ -5,6 +5,7 @@ use super::column::{ABSENT, unsigned};
 use super::order::run_word;
 use super::table::row_at;
 use super::{Uniform, run, status};
+use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::time::MonoTime;
 use crate::drive::view::{ControlView, DriveView};
@@ -33,7 +34,7 @@ impl Uniform {
 
     /// The drive's own register in which the measurement in the word at `address` is read; `None` if there is none.
     #[must_use]
-    pub fn register_of(&self, address: u16) -> Option<u16> {
+    pub fn register_of(&self, address: u16) -> Option<Address> {
         Some(row_at(address)?.column(self)?.address())
     }
 

@@ -129,7 +129,7 @@ fn panel_and_terminals_command_while_the_source_names_them() {
     drive.operate_panel(seconds(0), Some(Direction::Forward));
     take(&mut drive, seconds(0), &[(0x2502, 3000)]);
     assert_eq!(hertz(&drive, seconds(9)), 0, "the bus commands");
-    drive.set_locally(seconds(9), 0x0002, 0);
+    drive.set_locally(seconds(9), 0x0002_u16.into(), 0);
     assert_eq!((drive.is_local(), hertz(&drive, seconds(20))), (true, 30));
     drive.operate_panel(seconds(20), None);
     assert_eq!(hertz(&drive, seconds(30)), 0);

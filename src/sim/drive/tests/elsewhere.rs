@@ -11,7 +11,7 @@ fn a_key_runs_and_stops_the_motor_whatever_the_sources_say() {
     drive.operate(seconds(0), Some(Direction::Reverse));
     assert_eq!((drive.ordered(), hertz(&drive, seconds(60))), (Some(Direction::Reverse), -30));
     // Its register still says stop, and a stop over the line stops it.
-    assert_eq!(drive.word(0x0002), Some(0));
+    assert_eq!(drive.word(0x0002_u16.into()), Some(0));
     take(&mut drive, seconds(60), &[(0x0002, 0)]);
     assert_eq!((drive.ordered(), hertz(&drive, seconds(120))), (None, 0));
     drive.operate(seconds(120), Some(Direction::Forward));

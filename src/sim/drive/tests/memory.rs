@@ -9,7 +9,7 @@ fn a_stored_twin_is_written_and_never_read() {
     take(&mut drive, seconds(0), &[(0x8300, 200)]);
     assert_eq!(word(&mut drive, seconds(0), 0x0300), 200);
     assert_eq!(ask(&mut drive, seconds(0), &[3, 0x83, 0x00, 0, 1]), Some(vec![0x83, 2]));
-    assert_eq!((drive.stored_writes(0x0300), drive.report().stored_writes), (1, 1));
+    assert_eq!((drive.stored_writes(0x0300_u16.into()), drive.report().stored_writes), (1, 1));
     take(&mut drive, seconds(0), &[(0x0300, 50), (0x2001, 6000)]);
     assert_eq!(word(&mut drive, seconds(0), 0x0300), 50);
     assert_eq!(drive.report().stored_writes, 1, "without the bit it is in RAM");
@@ -31,15 +31,15 @@ fn writes_to_stored_registers_are_counted_by_register() {
     let mut drive = ready("teco-e510");
     take(&mut drive, seconds(0), &[(0x000E, 50), (0x000E, 50), (0x000F, 60)]);
     take(&mut drive, seconds(0), &[(0x2502, 3000), (0x2501, 1), (0x2501, 0)]);
-    let counted = [0x000E, 0x000F, 0x2501, 0x2502, 0x9999].map(|address| drive.stored_writes(address));
+    let counted = [0x000E, 0x000F, 0x2501, 0x2502, 0x9999].map(|address| drive.stored_writes(address.into()));
     assert_eq!((counted, drive.report().stored_writes), ([2, 1, 0, 0, 0], 3));
     // A second way to the setpoint is stored.
     take(&mut drive, seconds(0), &[(0x0008, 2000)]);
-    assert_eq!((word(&mut drive, seconds(0), 0x2523), drive.stored_writes(0x0008)), (2000, 1));
+    assert_eq!((word(&mut drive, seconds(0), 0x2523), drive.stored_writes(0x0008_u16.into())), (2000, 1));
     let mut drive = ready("toshiba-vf-as1");
     take(&mut drive, seconds(0), &[(0x0010, 100), (0xFA01, 3000), (0xFA00, 0xC000)]);
-    assert_eq!((drive.stored_writes(0x0010), drive.report().stored_writes), (1, 1));
-    drive.set_locally(seconds(0), 0x0010, 200);
+    assert_eq!((drive.stored_writes(0x0010_u16.into()), drive.report().stored_writes), (1, 1));
+    drive.set_locally(seconds(0), 0x0010_u16.into(), 200);
     assert_eq!(drive.report().stored_writes, 1, "the panel is not the bus");
 }
 

@@ -43,7 +43,7 @@ fn a_closed_terminal_starts_the_motor_when_the_power_comes_back() {
     drive.set_powered(seconds(1), false);
     drive.operate_panel(seconds(1), Some(Direction::Forward));
     assert_eq!(hertz(&drive, seconds(2)), 0);
-    drive.set_locally(seconds(2), 0xFA01, 0);
+    drive.set_locally(seconds(2), 0xFA01_u16.into(), 0);
     drive.set_powered(seconds(3), true);
     assert!(drive.is_local());
     assert_eq!(word(&mut drive, seconds(5), 0xFD01) & 0x0400, 0x0400, "it is ordered to run");

@@ -35,7 +35,7 @@ fn words_with_priority_command_the_motor() {
     assert_eq!(hertz(&drive, seconds(40)), 0, "coast");
     assert_eq!(word(&mut drive, seconds(40), COMMAND), 0xC800);
     drive.set_alarm(true);
-    drive.set_locally(seconds(40), STATUS, 0xFFFF);
+    drive.set_locally(seconds(40), STATUS.into(), 0xFFFF);
     assert_eq!(word(&mut drive, seconds(40), STATUS), 0xF9FD, "bits that no flag names are as they were set");
 }
 
@@ -137,7 +137,7 @@ fn every_built_in_back_door_that_moves_the_frequency_is_played() {
     use super::super::back_door::BackDoor;
     let doors = |id: &str| -> Vec<_> {
         let model = model(id);
-        model.registers.iter().filter_map(|it| Some((it.address, BackDoor::of(it)?))).collect()
+        model.registers.iter().filter_map(|it| Some((it.address.number(), BackDoor::of(it)?))).collect()
     };
     use BackDoor::{Frequency, Limit};
     assert_eq!(doors("hyundai-n700"), []);

@@ -85,7 +85,7 @@ fn decimal_numbers_follow_each_other() {
     let mut model = (*model("toshiba-vf-as1")).clone();
     model.read.max_words.value = 4;
     let mut drive = SimDrive::new(Arc::new(model), DriveOptions::default());
-    drive.set_locally(seconds(0), 0xFE09, 0x0102);
+    drive.set_locally(seconds(0), 0xFE09_u16.into(), 0x0102);
     drive.trip(seconds(0), 5);
     drive.trip(seconds(0), 6);
     assert_eq!(read(&mut drive, seconds(0), 0xFE08, 4), Some(vec![0, 0x0102, 6, 5]));
@@ -93,8 +93,11 @@ fn decimal_numbers_follow_each_other() {
     assert_eq!(ask(&mut drive, seconds(0), &[3, 0xFE, 0x14, 0, 3]), Some(vec![0x83, 2]));
     use super::super::memory::following;
     assert_eq!(
-        [0xFD99, 0xFE09, 0xFE19, 0xFE10].map(|it| following(it, true)),
-        [0xFE00, 0xFE10, 0xFE20, 0xFE11].map(Some)
+        [0xFD99_u16, 0xFE09, 0xFE19, 0xFE10].map(|it| following(it.into(), true)),
+        [0xFE00_u16, 0xFE10, 0xFE20, 0xFE11].map(|it| Some(it.into()))
     );
-    assert_eq!((following(0xFE09, false), following(0xFFFF, false)), (Some(0xFE0A), None));
+    assert_eq!(
+        (following(0xFE09_u16.into(), false), following(0xFFFF_u16.into(), false)),
+        (Some(0xFE0A_u16.into()), None)
+    );
 }

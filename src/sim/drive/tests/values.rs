@@ -74,7 +74,7 @@ fn run_is_obeyed_only_with_both_sources_at_communication() {
         assert_eq!(write(&mut drive, seconds(50), address, 3), 3);
         assert_eq!(write(&mut drive, seconds(50), RUN, 1), 1);
         assert_eq!(output(&mut drive, seconds(100)), 5000);
-        drive.set_locally(seconds(100), F010, 0);
+        drive.set_locally(seconds(100), (F010).into(), 0);
         assert_eq!(write(&mut drive, seconds(100), SETPOINT, 100), 5000);
     }
     let from_the_factory = DriveOptions { sources_at_start: Some(2), ..DriveOptions::default() };
