@@ -38,8 +38,7 @@ pub struct Who {
 }
 
 impl Who {
-    /// A process that may open the socket may use this side's own orders. They take no lease, so none has to end with a
-    /// stop.
+    /// A tool: any process that may open the socket. Its orders take no lease, so it needs no right to stop.
     pub const TOOL: Self = Self {
         asker: AskerId::LOCAL,
         origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: false }, manner: Manner::Once },

@@ -113,7 +113,7 @@ impl Server {
         Self { stalls, ..self }
     }
 
-    /// The same server with at most `max` connections.
+    /// The same server with at most `most` connections.
     #[must_use]
     pub fn with_places(self, most: usize) -> Self {
         self.hall.places.replace(Places::new(most));

@@ -64,7 +64,7 @@ impl Stream {
         }
     }
 
-    /// Waits until the socket takes something.
+    /// Waits until the socket is writable.
     ///
     /// # Errors
     /// The socket's.
@@ -131,7 +131,7 @@ impl SecuredStream {
         self.session.borrow().wants_write()
     }
 
-    /// Waits until the socket takes something.
+    /// Waits until the socket is writable.
     ///
     /// # Errors
     /// The socket's.

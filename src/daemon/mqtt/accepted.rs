@@ -1,4 +1,4 @@
-//! A connection that the broker has accepted, and what goes into it.
+//! A connection that the broker has accepted, and what is sent on it.
 
 use super::counters::{Counters, count};
 use super::incident::{NotQueued, Terms, Unfit};
@@ -16,7 +16,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// Queues a publication, or drops one that cannot be sent: false.
+    /// Queues a publication. Returns false if it cannot be sent and was dropped.
     pub fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
         if let Err(unfit) = self.sender.check(&publication, &self.terms) {
             count(&counters.dropped);
@@ -34,7 +34,7 @@ impl Link {
             }
             return Ok(false);
         }
-        // A broker that keeps no messages ends the connection of those who ask it to.
+        // A broker without retained messages closes the connection of a client that requests them.
         publication.retain &= self.terms.broker.retains;
         let (qos, token) = (publication.qos, publication.token);
         self.sender.publish(publication)?;

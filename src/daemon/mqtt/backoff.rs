@@ -3,17 +3,18 @@
 use std::time::Duration;
 
 const FIRST: Duration = Duration::from_millis(200);
-/// A broker that is not there costs a packet or two to ask for, and is missed as soon as it is back.
+/// The longest wait while there is no broker: an attempt costs a packet or two, and its return should be noticed at
+/// once.
 const AWAY_MAX: Duration = Duration::from_secs(1);
 const BROKEN_MAX: Duration = Duration::from_secs(3);
-/// The first wait for another client with the same identifier: it may have been there only once.
+/// The first wait because of another client with the same identifier, which may have connected only once.
 const CONTESTED_FIRST: Duration = Duration::from_secs(1);
 const CONTESTED_MAX: Duration = Duration::from_secs(30);
-/// The longest wait where there may be another client, or a broker that starts again and again.
+/// The longest wait if there may be another client, or a broker that restarts repeatedly.
 const SUSPECTED_MAX: Duration = Duration::from_secs(2);
 /// A connection that lived this long was a good one: the next wait is the first again.
 const GOOD_LIFE: Duration = Duration::from_secs(5);
-/// The same where another client wants the identifier: longer than the two take turns.
+/// The same if another client uses the identifier: longer than the intervals at which the two take turns.
 pub const SETTLED_LIFE: Duration = Duration::from_secs(60);
 
 /// How a connection ended, as far as the next wait depends on it.
@@ -21,17 +22,17 @@ pub const SETTLED_LIFE: Duration = Duration::from_secs(60);
 pub enum Ended {
     /// There was no broker.
     Away,
-    /// The broker closed it, this long after it had accepted it. It is probably just starting again.
+    /// The broker closed it, this long after it had accepted it. It is probably restarting.
     Closed(Duration),
-    /// It broke otherwise, this long after the broker had accepted it; zero: the broker did not.
+    /// It broke otherwise, this long after the broker had accepted it; zero if it had not.
     Broken(Duration),
-    /// It ended after so long, because another client has the same identifier.
+    /// It ended after this time because another client has the same identifier.
     Contested(Duration),
-    /// It ended after so long, as it would if another client had the same identifier.
+    /// It ended after this time as if another client had the same identifier.
     Suspected(Duration),
 }
 
-/// Waits that double, each kind for itself, with a jitter of a quarter, so that gateways do not come back in step.
+/// Waits that double, separately for each kind, with a jitter of a quarter, so that gateways do not reconnect in step.
 #[derive(Debug)]
 pub struct BackOff {
     away: Duration,
@@ -50,7 +51,7 @@ impl BackOff {
     pub fn wait_after(&mut self, ended: Ended) -> Duration {
         let (Ended::Closed(life) | Ended::Broken(life) | Ended::Contested(life) | Ended::Suspected(life)) = ended
         else {
-            // That the broker was away explains the ends before.
+            // The absence of the broker explains the earlier ends.
             self.broken = FIRST;
             return self.doubling(|it| &mut it.away, AWAY_MAX);
         };

@@ -1,4 +1,4 @@
-//! The broker as a child process, so that its memory and its panics are not ours.
+//! The broker as a child process, so that its memory and panics do not affect this one.
 
 use std::io::{self, BufRead, BufReader};
 use std::net::SocketAddr;
@@ -10,11 +10,11 @@ use std::time::Duration;
 
 /// Time for the child to listen.
 const START_MAX: Duration = Duration::from_secs(10);
-/// What the child says once it listens, before the address.
+/// What the child prints before the address once it listens.
 pub const ANNOUNCEMENT: &str = "listening on ";
 
-/// A running broker. It ends when this is dropped, and when this process ends in whatever way: its standard input
-/// is a pipe from here.
+/// A running broker. It exits when this is dropped, and when this process ends in any way: its standard input is a pipe
+/// from here.
 #[derive(Debug)]
 pub struct BrokerChild {
     child: Child,
@@ -22,10 +22,10 @@ pub struct BrokerChild {
 }
 
 impl BrokerChild {
-    /// Starts this program again as a broker on a loopback address; port 0 finds a free one.
+    /// Starts this program again as a broker on a loopback address; port 0 picks a free one.
     ///
     /// # Errors
-    /// The child does not start, or does not listen within 10 s. It has told the reason on stderr.
+    /// The child does not start, or does not listen within 10 s. It has printed the reason on stderr.
     pub fn start(listen: SocketAddr) -> io::Result<Self> {
         Self::start_program(&std::env::current_exe()?, listen)
     }
@@ -38,7 +38,7 @@ impl BrokerChild {
         let mut command = Command::new(program);
         command.args(["broker", "--listen", &listen.to_string()]);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        // Ctrl-C is meant for us: the broker has still to take our last words.
+        // Ctrl-C is for us: the broker still has to accept our last messages.
         command.process_group(0);
         if std::env::var_os("RUST_LOG").is_none() {
             command.env("RUST_LOG", "warn");
@@ -53,7 +53,7 @@ impl BrokerChild {
         }
     }
 
-    /// Where it listens.
+    /// The address on which it listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
@@ -67,19 +67,19 @@ impl Drop for BrokerChild {
 }
 
 fn end(child: &mut Child) {
-    // It may have ended by itself; either way it is collected.
+    // It may have exited by itself; either way it is reaped.
     let _ = child.kill();
     let _ = child.wait();
 }
 
-/// The address in the child's first line. A thread reads it, since a pipe has no time-out.
+/// The address in the child's first line. Read by a thread, since a pipe has no time-out.
 fn announced(stdout: Option<ChildStdout>) -> io::Result<SocketAddr> {
     let stdout = stdout.ok_or_else(|| io::Error::other("the broker has no output"))?;
     let (sender, receiver) = mpsc::channel();
     std::thread::Builder::new().name("broker-start".to_owned()).spawn(move || {
         let mut line = String::new();
         let read = BufReader::new(stdout).read_line(&mut line);
-        // Nobody listens any more if it took too long.
+        // The receiver is gone if it took too long.
         let _ = sender.send(read.map(|_| line));
     })?;
     let line = receiver.recv_timeout(START_MAX).map_err(|_| io::Error::from(io::ErrorKind::TimedOut))??;

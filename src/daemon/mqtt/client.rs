@@ -1,8 +1,8 @@
 //! Keeps a connection to the broker and carries messages between it and a [`Talk`].
 //!
-//! A connection is never mended: after an error everything about it is dropped and a new one is built, with a fresh
-//! will, after a wait that grows. Only this task touches the connection, and it never waits for room in its queue:
-//! as long as that is full, the talk is not asked for more.
+//! A connection is never repaired: after an error everything about it is dropped and a new one is made, with a new
+//! will, after a growing wait. Only this task touches the connection, and it never waits for room in its queue: while
+//! that is full, the talk is not asked for more.
 
 mod farewell;
 
@@ -25,20 +25,20 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep_until};
 
-/// Margin over the connection's own limit for a connection to come about.
+/// Margin beyond the connection's own time limit for connecting.
 const CONNECT_MARGIN: Duration = Duration::from_secs(1);
-/// A sleep that something else ends.
+/// A sleep that another event ends.
 const LONG: Duration = Duration::from_secs(3600);
-/// How often what is due is looked at while the broker takes nothing.
+/// How often due work is checked while the broker accepts no packets.
 const LOOK_WHILE_FULL: Duration = Duration::from_millis(10);
-/// So long nothing is sent after a stall, and longer while there is something to read. Where the broker has closed the
-/// connection meanwhile, to write would break it, and what is still in the socket would be lost with it.
+/// After a stall nothing is sent for this long, and longer while there is something to read. If the broker has closed
+/// the connection meanwhile, writing would reset it and lose what is still in the socket.
 const LISTEN_FIRST: Duration = Duration::from_millis(100);
-/// The same where there is no end of what can be read.
+/// The same while there is always something to read.
 const LISTEN_MAX: Duration = Duration::from_secs(1);
 
-/// Talks with the broker until `stop`; then says farewell and ends. Whoever changes what the talk looks at rings
-/// `bell`. Dropped instead of stopped, it leaves the broker to publish the will.
+/// Talks to the broker until `stop`; then sends the farewell and returns. `bell` is to be rung when anything that the
+/// talk reads has changed. If dropped instead of stopped, the broker publishes the will.
 pub async fn converse<T: Talk>(
     settings: ConnectionSettings,
     talk: &RefCell<T>,
@@ -85,9 +85,9 @@ struct Client<'a, T> {
     counters: &'a Counters,
     retry: Retry,
     turns: Turns,
-    /// When the broker was heard last, or could have been heard for the first time since.
+    /// When the broker last sent something, or could next have done so.
     heard: Instant,
-    /// After a stall: until then it is only listened.
+    /// After a stall: until then nothing is sent.
     listens_until: Option<Instant>,
     /// The accepted connection.
     link: Option<Link>,
@@ -96,7 +96,7 @@ struct Client<'a, T> {
 /// How a connection ended.
 enum End {
     Stopped,
-    /// And how long after the broker had accepted it; nothing: it had not.
+    /// And how long after the broker had accepted it; `None` if it had not.
     Broken(Broken, Option<Duration>),
 }
 
@@ -104,12 +104,12 @@ enum End {
 enum Outcome<O> {
     Done(O),
     Stopped,
-    /// The talk gives the connection up.
+    /// The talk gives up the connection.
     GivenUp(GivenUp),
     Overdue,
 }
 
-/// How the talk gives a connection up, and why.
+/// How the talk gives up a connection, and why.
 #[derive(Clone, Copy)]
 enum GivenUp {
     Dropped(&'static str),
@@ -121,7 +121,7 @@ impl<T: Talk> Client<'_, T> {
     async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> End {
         let chore = self.talk.borrow_mut().chore();
         if let Some(chore) = chore {
-            // A chore that panics has not been done, and says so itself.
+            // A chore that panics is not done, and the panic is reported anyway.
             let done = pin!(tokio::task::spawn_blocking(chore));
             if let Outcome::Stopped = self.attend(done, None, stop.as_mut()).await {
                 return End::Stopped;
@@ -179,7 +179,8 @@ impl<T: Talk> Client<'_, T> {
         keep_alive * 3 / 2
     }
 
-    /// Waits for `future`, with `patience` no longer than the broker may be silent; meanwhile the talk has its ticks.
+    /// Waits for `future`, but with `patience` no longer than the broker may be silent; meanwhile the talk gets its
+    /// ticks.
     async fn attend<F: Future, S: Future<Output = ()>>(
         &mut self,
         mut future: Pin<&mut F>,
@@ -189,7 +190,7 @@ impl<T: Talk> Client<'_, T> {
         loop {
             let overdue = patience.map_or_else(far, |patience| self.heard + patience);
             let wake = self.next_wake().min(overdue).min(Instant::now() + LOOK_EVERY);
-            // Without an order, so that a flood of one kind starves none of the others.
+            // Unbiased, so that a flood of one kind does not starve the others.
             let done = tokio::select! {
                 output = future.as_mut() => Some(output),
                 () = stop.as_mut() => return Outcome::Stopped,
@@ -198,7 +199,7 @@ impl<T: Talk> Client<'_, T> {
             };
             self.notice_stall();
             let done = match done {
-                // What can be read goes before the time that it has for that.
+                // Readable data takes precedence over the time limit for it.
                 None if self.listens() => poll_fn(|cx| Poll::Ready(ready(future.as_mut().poll(cx)))).await,
                 done => done,
             };
@@ -216,7 +217,7 @@ impl<T: Talk> Client<'_, T> {
         }
     }
 
-    /// After a stall of this process what has come may have waited as long, and it is not the broker that was silent.
+    /// After a stall of this process, received messages may be that old, and the silence was not the broker's.
     fn notice_stall(&mut self) {
         let Some(stood) = self.turns.turn(clock::now()) else { return };
         self.heard = Instant::now();
@@ -227,20 +228,21 @@ impl<T: Talk> Client<'_, T> {
         }
     }
 
-    /// Whether nothing is to be sent yet.
+    /// Whether nothing may be sent yet.
     fn listens(&self) -> bool {
         self.listens_until.is_some_and(|until| Instant::now() < until + LISTEN_MAX)
     }
 
     fn next_wake(&self) -> Instant {
         let wake = self.talk.borrow().next_wake();
-        // What is due cannot be sent before the broker has taken something, and stays due.
+        // Due packets cannot be sent before the broker has taken some, and stay due.
         let is_full = self.listens() || self.link.as_ref().is_some_and(|link| !link.window.has_room());
         let least = if is_full { LOOK_WHILE_FULL } else { Duration::ZERO };
         wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).clamp(least, LONG))
     }
 
-    /// Queues what the talk has for the broker, as far as there is room. Returns how it gives the connection up.
+    /// Queues what the talk has for the broker, as far as there is room. Returns how it gives up the connection, if it
+    /// does.
     fn send(&mut self) -> Option<GivenUp> {
         if self.listens() {
             return None;
@@ -261,7 +263,7 @@ impl<T: Talk> Client<'_, T> {
                             let reason = "the connection's queue is unexpectedly full";
                             return Some(GivenUp::Dropped(reason));
                         }
-                        // Nobody will answer for it.
+                        // It will never be acknowledged.
                         Ok(false) => token.into_iter().for_each(|it| self.tell(Event::Refused(it, Refusal::Never))),
                         Ok(true) => {}
                     }
@@ -272,7 +274,7 @@ impl<T: Talk> Client<'_, T> {
         None
     }
 
-    /// Takes what happened.
+    /// Handles an incident.
     fn take(&mut self, incident: Incident) {
         let window = self.link.as_mut().map(|link| &mut link.window);
         match incident {
@@ -321,7 +323,8 @@ impl<T: Talk> Client<'_, T> {
         self.talk.borrow_mut().handle(clock::moment(), event);
     }
 
-    /// Gives the connection up. What was received is handed over: acknowledgements are true at any age, and so is a stop.
+    /// Gives up the connection. What was received is handed over: acknowledgements are valid at any age, and so is a
+    /// stop.
     fn abandon(&mut self, events: &mut Events, broken: Broken) -> End {
         let life = self.life();
         let rest = events.rest();
@@ -336,7 +339,7 @@ impl<T: Talk> Client<'_, T> {
         End::Broken(broken, life)
     }
 
-    /// Ends the connection as the talk wants it.
+    /// Ends the connection as the talk requests.
     async fn give_up(&mut self, events: &mut Events, how: GivenUp) -> End {
         let reason = match how {
             GivenUp::Dropped(reason) => return self.abandon(events, Broken::because(reason)),
@@ -374,7 +377,7 @@ impl<T: Talk> Client<'_, T> {
         self.talk.borrow_mut().contested(Some(rival));
     }
 
-    /// Tells when the identifier has been ours alone for long enough.
+    /// Reports when the identifier has been ours alone for long enough.
     fn settle(&mut self) {
         if let Some(life) = self.life()
             && self.retry.is_settled(life)

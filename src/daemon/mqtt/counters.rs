@@ -1,4 +1,4 @@
-//! What the connection to the broker has gone through.
+//! Counters of the connection to the broker.
 
 use std::cell::{Cell, RefCell};
 
@@ -9,19 +9,19 @@ pub struct Counters {
     pub connected: Cell<u64>,
     /// Attempts that failed, and connections that broke.
     pub broken: Cell<u64>,
-    /// Why the last of these did.
+    /// The reason of the last one.
     pub reason: RefCell<String>,
-    /// Messages that came.
+    /// Messages received.
     pub received: Cell<u64>,
-    /// Publications that went out.
+    /// Publications sent.
     pub published: Cell<u64>,
     /// Publications that the broker refused (MQTT 5).
     pub refused: Cell<u64>,
-    /// Publications that were too large for the broker or had an impossible topic.
+    /// Publications that were too large for the broker or had an invalid topic.
     pub dropped: Cell<u64>,
 }
 
-/// One more.
+/// Increments `counter`.
 pub fn count(counter: &Cell<u64>) {
     counter.set(counter.get() + 1);
 }

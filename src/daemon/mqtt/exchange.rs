@@ -1,5 +1,5 @@
-//! The exchange of packets on one connection: reads, writes and pings. What the packets mean to the protocol is decided
-//! by a [`Protocol`], which does no I/O.
+//! The exchange of packets on one connection: reads, writes and pings. A [`Protocol`], which does no I/O, interprets
+//! the packets.
 
 use super::incident::{Broken, CONNECT_TIMEOUT, Cause, Incident};
 use super::stream::{self, Target};
@@ -20,28 +20,28 @@ pub trait Protocol {
     type Packet;
     /// What can be queued for the broker.
     type Request;
-    /// Longest time for one write; `None`: as long as the broker may be silent.
+    /// Longest time for one write; `None` for as long as the broker may be silent.
     const FLUSH_MAX: Option<Duration>;
-    /// Why there is no connection if it does not come about in time.
+    /// The reason that is given if connecting times out.
     const CONNECT_OVERDUE: &str;
 
-    /// Takes the next packet out of `bytes`; `None`: it is not complete. An unfinished packet is bounded.
+    /// Takes the next packet out of `bytes`; `None` if it is incomplete. The size of an incomplete packet is bounded.
     fn decode(bytes: &mut BytesMut) -> Result<Option<Self::Packet>, Broken>;
     fn encode(&self, packet: Self::Packet, bytes: &mut BytesMut) -> Result<(), Broken>;
-    /// The first packet.
+    /// CONNECT, the first packet.
     fn connect(&self) -> Self::Packet;
-    /// Takes the answer to it. Returns the keep-alive that the broker prescribes.
+    /// Processes the answer to it. Returns the keep-alive that the broker prescribes.
     fn accept(&mut self, packet: Self::Packet) -> Result<Option<Duration>, Broken>;
-    /// Takes a packet. Returns the answer to it.
+    /// Processes a packet. Returns the answer to it.
     fn incoming(&mut self, packet: Self::Packet) -> Result<Option<Self::Packet>, Broken>;
     /// Whether another request may be sent now.
     fn has_room(&self) -> bool;
     fn outgoing(&mut self, request: Self::Request) -> Result<Option<Self::Packet>, Broken>;
-    /// It is an error if the last one was not answered.
+    /// A ping. It is an error if the last one was not answered.
     fn ping(&mut self) -> Result<Option<Self::Packet>, Broken>;
-    /// The next thing that happened.
+    /// The next incident.
     fn next_incident(&mut self) -> Option<Incident>;
-    /// The connection broke: what was to be written last has not left.
+    /// The connection broke: the last packet was not sent.
     fn forget_unsent(&mut self);
     fn io(error: std::io::Error) -> Broken;
     fn closed() -> Broken;
@@ -58,7 +58,7 @@ pub struct Exchange<P: Protocol> {
     is_over: bool,
 }
 
-/// What is to be done next.
+/// The next action.
 enum Turn<P: Protocol> {
     Read(P::Packet),
     Send(P::Request),
@@ -71,7 +71,7 @@ impl<P: Protocol> Exchange<P> {
         Self { protocol, target, requests, wire: None, keep_alive, ping_at, is_over: false }
     }
 
-    /// What happens next. If it is dropped, the next call continues. After an error it is over.
+    /// Waits for the next incident. Cancel safe. After an error the connection is over.
     pub async fn next(&mut self) -> Result<Incident, Broken> {
         if self.is_over {
             return Err(Broken::because("the connection is over"));
@@ -97,13 +97,13 @@ impl<P: Protocol> Exchange<P> {
                 self.wire = Some(opened.map_err(|_| connect_overdue::<P>())??);
             }
             let Some(wire) = &mut self.wire else { continue };
-            // Before anything is returned as sent.
+            // Before a packet is reported as sent.
             wire.flush::<P>().await?;
             if let Some(incident) = self.protocol.next_incident() {
                 return Ok(incident);
             }
             let has_room = self.protocol.has_room();
-            // Without an order, so that neither direction starves the other.
+            // Unbiased, so that neither direction starves the other.
             let turn = tokio::select! {
                 packet = wire.read::<P>() => Turn::<P>::Read(packet?),
                 Some(request) = self.requests.recv(), if has_room => Turn::Send(request),
@@ -140,8 +140,8 @@ impl<P: Protocol> Exchange<P> {
     }
 }
 
-/// Takes a packet and those that are there already. If the end of the stream is there as well, none is answered: to
-/// write could cost what is still unread.
+/// Processes a packet and those that are already available. If the end of the stream follows, none is answered: writing
+/// could lose what is still unread.
 async fn take_batch<P: Protocol>(protocol: &mut P, wire: &mut Wire, first: P::Packet) -> Result<(), Broken> {
     let mut packet = first;
     for count in 1.. {

@@ -1,13 +1,13 @@
-//! What happens on a connection to a broker, in words that both protocol versions have, and the limits of both.
+//! What happens on a connection to a broker, in one form for both protocol versions, and the limits of both.
 
 use super::settings::ConnectionSettings;
 use crate::north::broker::{Broker, Filter, Message, Refusal};
 use bytes::Bytes;
 use std::time::Duration;
 
-/// Longest packet that is taken, and sent where the broker names no smaller limit. Nothing of ours comes near it.
+/// Longest packet that is accepted, and sent unless the broker sets a smaller limit. Our packets are far smaller.
 pub const PACKET_MAX: usize = 256 * 1024;
-/// Publications that wait for their acknowledgement at once.
+/// Most unacknowledged publications at once.
 pub const INFLIGHT_MAX: u16 = 64;
 /// Time for name, TCP, TLS and CONNACK together.
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -19,21 +19,21 @@ pub enum Incident {
     Connected(Terms),
     /// The broker answered the subscription.
     Subscribed(Vec<bool>),
-    /// A message came.
+    /// A message was received.
     Message(Received),
-    /// The broker took the publication with this identifier.
+    /// The broker acknowledged the publication with this identifier.
     Acknowledged(u16),
-    /// The broker answered that it does not take the publication with this identifier, what that means, and why.
+    /// The broker refused the publication with this identifier: the kind of refusal, and why.
     Refused(u16, Refusal, String),
-    /// A publication was written to the socket with this identifier; 0: it is not acknowledged.
+    /// A publication was written to the socket with this identifier; 0 if it will not be acknowledged.
     PublicationLeft(u16),
     /// A subscription or DISCONNECT was written to the socket.
     OtherLeft,
-    /// The broker sent what the protocol forbids: the connection ends, and what came with it is not believed.
+    /// The broker violated the protocol: the connection is closed, and what was received with it is discarded.
     Offence(&'static str),
-    /// The broker said something else.
+    /// The broker sent another packet.
     Heard,
-    /// Nothing that matters.
+    /// Nothing relevant.
     Nothing,
 }
 
@@ -47,11 +47,11 @@ impl Incident {
 /// What the broker allows.
 #[derive(Clone, Copy, Debug)]
 pub struct Terms {
-    /// What the session is told.
+    /// What the session needs to know.
     pub broker: Broker,
     /// Longest packet that may be sent, in bytes.
     pub packet_max: usize,
-    /// The keep-alive that it prescribes; nothing: ours.
+    /// The keep-alive that it prescribes; `None` for ours.
     pub keep_alive: Option<Duration>,
 }
 
@@ -91,24 +91,24 @@ impl Received {
 /// Why a connection is over.
 #[derive(Debug)]
 pub struct Broken {
-    /// For people.
+    /// The reason as text.
     pub reason: String,
-    /// Whether what was read just before is as young as that. It is not if writing had stalled for an unknown time.
+    /// Whether what was read just before is recent. It is not if writing had stalled for an unknown time.
     pub is_fresh: bool,
-    /// What it tells of the broker.
+    /// What it says about the broker.
     pub cause: Cause,
     /// Whether it is certain that the broker has seen no CONNECT of ours.
     pub is_unsent: bool,
 }
 
-/// What the end of a connection tells of the broker.
+/// What the end of a connection says about the broker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// It is not there, or has closed the connection without a word.
+    /// It is not reachable, or has closed the connection without a reason.
     Gone,
-    /// It says that another client has our identifier.
+    /// It reports that another client has our identifier.
     TakenOver,
-    /// Nothing.
+    /// No conclusion.
     Other,
 }
 
@@ -133,7 +133,7 @@ pub enum Unfit {
     Topic,
 }
 
-/// The queue was full although it was counted, or the topic is impossible although it was checked.
+/// The queue was full although its packets are counted, or the topic is invalid although it was checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotQueued;
 
@@ -142,13 +142,13 @@ pub fn keep_alive_seconds(settings: &ConnectionSettings) -> u16 {
     u16::try_from(settings.keep_alive().as_secs()).unwrap_or(u16::MAX)
 }
 
-/// Whether a broker would take these filters.
+/// Checks that a broker would accept these filters.
 pub fn check_filters(filters: &[Filter]) -> Result<(), NotQueued> {
     let are_valid = !filters.is_empty() && filters.iter().all(|filter| rumqttc::valid_filter(&filter.path));
     if are_valid { Ok(()) } else { Err(NotQueued) }
 }
 
-/// Bytes of a packet whose part behind the fixed header has `rest` bytes.
+/// Bytes of a packet that has `rest` bytes after its fixed header.
 pub const fn with_header(rest: usize) -> usize {
     1 + length_bytes(rest) + rest
 }

@@ -1,6 +1,6 @@
-//! One connection of either protocol version, in words that both have.
+//! One connection of either protocol version, behind one interface.
 //!
-//! It is for one connection only: after an error it is dropped with all that is still in it.
+//! For one connection only: after an error it is dropped with everything that is still in it.
 
 use super::exchange::Exchange;
 use super::incident::{Broken, Incident, NotQueued, Terms, Unfit};
@@ -21,7 +21,7 @@ use tokio::sync::mpsc;
 /// Longest topic, and longest correlation data: their length is sent in two bytes.
 const FIELD_MAX: usize = 65_535;
 
-/// The way in: a queue that the other half sends from. It never waits.
+/// The sending half: a queue that the other half sends from. It never blocks.
 #[derive(Debug)]
 pub enum Sender {
     V4(mpsc::Sender<rumqttc::Request>),
@@ -95,7 +95,7 @@ impl Sender {
 }
 
 impl Events {
-    /// What happens next. If it is dropped, the next call continues. After an error the connection is over.
+    /// Waits for the next incident. Cancel safe. After an error the connection is over.
     pub async fn next(&mut self) -> Result<Incident, Broken> {
         match self {
             Self::V4(exchange) => guarded(exchange.next()).await?,
@@ -112,7 +112,7 @@ impl Events {
     }
 }
 
-/// Catches a panic of the library: bytes of a broker must end no more than the connection they came by.
+/// Catches a panic of the library: bytes from a broker must end no more than their connection.
 async fn guarded<F: Future>(future: F) -> Result<F::Output, Broken> {
     let mut future = pin!(future);
     poll_fn(|cx| match catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(cx))) {

@@ -1,8 +1,8 @@
-//! The MQTT side of the daemon: a connection to the broker that is built anew after every error, and a broker for
-//! trying out.
+//! The MQTT side of the daemon: a connection to the broker that is made again after every error, and the embedded
+//! broker.
 //!
-//! [`client`] carries out what a [`Talk`] wants: it keeps a connection, hands over what comes, sends what is due.
-//! What is said and what it means is decided elsewhere.
+//! [`client`] serves a [`Talk`]: it keeps a connection, hands over what arrives, and sends what is due. The contents
+//! are decided elsewhere.
 
 mod accepted;
 mod backoff;
@@ -39,55 +39,56 @@ use crate::domain::time::MonoTime;
 use crate::north::broker::{Event, Filter, Publication};
 use crate::north::clock::Moment;
 
-/// The one who talks with the broker, without a socket: the MQTT session and what it looks at.
+/// A conversation with the broker, without a socket: the MQTT session and the state it reads.
 ///
-/// Commands that a message carries are carried out within [`handle`](Self::handle) and [`tick`](Self::tick), never
-/// within [`next_packet`](Self::next_packet): that is not called while the way to the broker is full, and a STOP
-/// waits for no publication.
+/// Commands in messages are executed in [`handle`](Self::handle) and [`tick`](Self::tick), never in
+/// [`next_packet`](Self::next_packet): that is not called while the queue to the broker is full, and a STOP must not
+/// wait for a publication.
 pub trait Talk {
-    /// What is to be done before the next connection, beside the runtime; nothing for most. It is asked before every
-    /// connection, and waited for.
+    /// Blocking work before the next connection; `None` for most. Requested before every connection, which waits for
+    /// it.
     fn chore(&mut self) -> Option<Chore> {
         None
     }
-    /// The last attempt to connect ended before anything of ours can have reached the broker.
+    /// The last attempt to connect ended before any bytes of ours can have reached the broker.
     fn unsent(&mut self) {}
-    /// What the broker shall publish when the connection breaks. Asked before every connection.
+    /// What the broker is to publish when the connection breaks. Requested before every connection.
     fn will(&self) -> Publication;
-    /// Takes what happened on the connection. [`Event::Lost`] comes only after [`Event::Connected`].
+    /// Handles an event of the connection. [`Event::Lost`] comes only after [`Event::Connected`].
     fn handle(&mut self, at: Moment, event: Event<'_>);
-    /// Lets time pass, and looks at what has changed since: pictures, answers of the lines.
+    /// Lets time pass, and processes what has changed: views, answers of the lines.
     fn tick(&mut self, at: Moment);
-    /// When it wants its next tick; nothing: not before something happens.
+    /// When it needs its next tick; `None` if not before another event.
     fn next_wake(&self) -> Option<MonoTime>;
-    /// The next thing for the broker. It is asked only while there is room for it; what it gives while there is no
-    /// connection is dropped.
+    /// The next packet for the broker. Called only while there is room for it; a packet without a connection is
+    /// dropped.
     fn next_packet(&mut self, at: Moment) -> Option<Packet>;
-    /// Another client has our identifier at the broker, and the connection ended for that; nothing: it has not been so
+    /// The connection ended because another client has our identifier at the broker; `None` if that has not happened
     /// for a minute.
     fn contested(&mut self, rival: Option<Rival>);
-    /// The last words before an orderly end.
+    /// The last messages before an orderly end.
     fn farewell(&mut self, at: Moment) -> Vec<Publication>;
-    /// Whether the broker is to publish the will behind the last words too, where the protocol has that: with MQTT 5.
+    /// Whether the broker is to publish the will after the last messages, too, where the protocol has that: with MQTT
+    /// 5.
     fn leaves_will(&self) -> bool {
         false
     }
 }
 
-/// Something that may take its time.
+/// Work that may block.
 pub type Chore = Box<dyn FnOnce() + Send>;
 
-/// Something for the broker.
+/// A packet for the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Packet {
-    /// Subscribe to these filters at quality of service 1, all in one packet. With MQTT 5 no retained messages are
-    /// sent at that but for filters that want them, and the retain flag arrives as it was published.
+    /// Subscribe to these filters at quality of service 1, all in one packet. With MQTT 5 retained messages are sent
+    /// only for filters that request them, and the retain flag arrives as it was published.
     Subscribe(Vec<Filter>),
-    /// Publish. One that is too large for the broker or has an impossible topic is dropped, logged and counted.
+    /// Publish. A publication that is too large for the broker or has an invalid topic is dropped, logged and counted.
     Publish(Publication),
     /// Drop the connection and make a new one, for this reason.
     Reconnect(&'static str),
-    /// The same after the last words: an orderly end, which the broker publishes no will for unless
+    /// The same after the last messages: an orderly end, after which the broker publishes no will unless
     /// [`Talk::leaves_will`].
     Leave(&'static str),
 }

@@ -1,14 +1,14 @@
-//! Why there is no connection, in words for those who set it up.
+//! Why there is no connection, as text for the person who configures it.
 
 use rustls::{AlertDescription as Alert, CertificateError as Flaw, Error as RustlsError};
 use std::io;
 
-/// The broker knows us not.
+/// The broker does not accept our credentials.
 pub const CREDENTIALS: &str = "the broker refuses our user or password";
-/// The broker takes no client of this name.
+/// The broker does not accept our client identifier.
 pub const CLIENT_ID: &str = "the broker refuses our client identifier; another one is set with `client_id` in [mqtt]";
 
-/// What is behind an error of a stream that may be encrypted; nothing: its own words have to do.
+/// The cause of an error of a stream that may be encrypted; `None` if its own text has to do.
 pub fn of_io(error: &io::Error) -> Option<String> {
     of_rustls(error.get_ref()?.downcast_ref()?)
 }

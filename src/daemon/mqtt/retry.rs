@@ -1,28 +1,28 @@
-//! When to connect again, and whether another client takes our identifier.
+//! When to connect again, and whether another client uses our identifier.
 //!
-//! A broker ends the connection of a client when another one connects with the same identifier. With MQTT 5 it says so.
-//! With 3.1.1 it only closes, and two that come back at once would take turns for ever.
+//! A broker closes the connection of a client when another one connects with the same identifier. With MQTT 5 it gives
+//! the reason. With 3.1.1 it just closes, and two clients that reconnect at once would take turns for ever.
 
 use super::backoff::{BackOff, Ended, SETTLED_LIFE};
 use super::incident::{Broken, Cause};
 use std::time::Duration;
 
-/// A connection that is closed sooner than this may have been closed for a rival that came back.
+/// A connection that is closed sooner than this may have been closed for a rival that reconnected.
 const SHORT_LIFE: Duration = Duration::from_secs(5);
-/// So many short lives, one behind the other and without a moment in which the broker was away, are no accident.
+/// This many short connections in a row, while the broker was always reachable, are no accident.
 const SHORT_LIVES: u32 = 5;
-/// So many are not even a broker that starts again and again.
+/// This many cannot be a broker that restarts repeatedly either.
 const SHORT_LIVES_MAX: u32 = 16;
-/// A connection that lived so long after a rival was only suspected speaks for a broker that had started again. With the
-/// longest wait before it that is less than 5 s.
+/// If a connection lasts this long after a rival was only suspected, the broker probably had restarted. Together with
+/// the longest wait before it that is less than 5 s.
 const UNSUSPECTED_LIFE: Duration = Duration::from_millis(2_400);
 
-/// How a client with our identifier showed.
+/// How a client with our identifier was noticed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rival {
-    /// The broker says so.
+    /// The broker reported it.
     Told,
-    /// The broker closes each connection shortly after it has accepted it.
+    /// The broker closes each connection shortly after accepting it.
     Suspected,
 }
 
@@ -31,26 +31,26 @@ pub enum Rival {
 pub struct Next {
     /// How long to wait.
     pub wait: Duration,
-    /// For whom it ended.
+    /// The rival for which it ended, if any.
     pub rival: Option<Rival>,
 }
 
-/// What the ends of the connections so far tell.
+/// What is concluded from the ends of the connections so far.
 #[derive(Debug)]
 pub struct Retry {
     back_off: BackOff,
-    /// Short lives in a row.
+    /// Short connections in a row.
     short_lives: u32,
     rival: Option<Rival>,
 }
 
 impl Retry {
-    /// Knows of no connection yet.
+    /// Starts without connections.
     pub fn new(seed: u64) -> Self {
         Self { back_off: BackOff::new(seed), short_lives: 0, rival: None }
     }
 
-    /// A connection is over, so long after the broker had accepted it; nothing: the broker had not.
+    /// Handles the end of a connection that lived for `life` after the broker had accepted it; `None` if it had not.
     pub fn after(&mut self, broken: &Broken, life: Option<Duration>) -> Next {
         let rival = life.and_then(|life| self.rival_behind(broken.cause, life));
         let ended = match (rival, life) {
@@ -67,13 +67,13 @@ impl Retry {
         Next { wait: self.back_off.wait_after(ended), rival }
     }
 
-    /// Whether what looks like `rival` may be a broker that has started a few times.
+    /// Whether what looks like `rival` may be a broker that has restarted a few times.
     fn may_be_restarts(&self, rival: Option<Rival>) -> bool {
         rival == Some(Rival::Suspected) && self.short_lives <= SHORT_LIVES_MAX
     }
 
     fn rival_behind(&mut self, cause: Cause, life: Duration) -> Option<Rival> {
-        // Rivals that both wait take longer turns.
+        // Rivals that both wait take turns at longer intervals.
         let short = if self.short_lives >= SHORT_LIVES { SETTLED_LIFE } else { SHORT_LIFE };
         let is_short = cause == Cause::Gone && life < short;
         self.short_lives = if is_short { self.short_lives.saturating_add(1) } else { 0 };
@@ -83,7 +83,7 @@ impl Retry {
         }
     }
 
-    /// The present connection has lived so long. True once, if a rival was there and is not any more.
+    /// Whether the present connection, which has lived for `life`, shows that a rival is gone. True once.
     pub fn is_settled(&mut self, life: Duration) -> bool {
         let least = if self.may_be_restarts(self.rival) { UNSUSPECTED_LIFE } else { SETTLED_LIFE };
         life >= least && self.rival.take().is_some()

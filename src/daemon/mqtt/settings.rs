@@ -5,54 +5,54 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Shortest keep-alive that is used: a slow answer is no dead connection.
+/// Shortest keep-alive that is used: a slow answer is not a dead connection.
 const KEEP_ALIVE_MIN: Duration = Duration::from_secs(5);
-/// Longest keep-alive that is used. The protocol allows 18 hours, in which nobody would notice a dead connection.
+/// Longest keep-alive that is used. The protocol allows 18 hours, during which a dead connection would go unnoticed.
 const KEEP_ALIVE_MAX: Duration = Duration::from_secs(600);
 
 /// How the broker is reached, and as whom.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConnectionSettings {
-    /// Its name or address.
+    /// Its host name or address.
     pub host: String,
     /// Its TCP port.
     pub port: u16,
-    /// Other places of the same broker, such as the nodes of a cluster: after each connection the next one is tried.
+    /// Other addresses of the same broker, such as the nodes of a cluster: after each connection the next one is tried.
     pub also_at: Vec<(String, u16)>,
-    /// How it is proven; nothing: plain TCP.
+    /// How it is authenticated; `None` for plain TCP.
     pub tls: Option<TlsSettings>,
-    /// Client identifier; no other client of the broker may have it.
+    /// Client identifier; must be unique at the broker.
     pub client_id: String,
     /// User name.
     pub user: Option<String>,
     /// Password.
     pub password: Option<Secret>,
-    /// Longest silence of this side; used are 5 s to 600 s.
+    /// Longest silence of this side; limited to 5 s to 600 s.
     pub keep_alive: Duration,
     /// Protocol version.
     pub version: Version,
-    /// What the broker keeps for this client while it is away.
+    /// What the broker keeps for this client while it is disconnected.
     pub keeps: Keeps,
 }
 
-/// What a broker keeps for a client that is away.
+/// What a broker keeps for a disconnected client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Keeps {
-    /// Nothing: what waited is stale.
+    /// Nothing: messages that waited would be stale.
     #[default]
     Nothing,
-    /// Its subscriptions, and what comes for them at quality of service 1. Messages count at any age.
+    /// Its subscriptions, and messages for them at quality of service 1. Messages are valid at any age.
     Session,
 }
 
 impl ConnectionSettings {
-    /// The keep-alive that is really used.
+    /// The keep-alive that is actually used.
     #[must_use]
     pub fn keep_alive(&self) -> Duration {
         self.keep_alive.clamp(KEEP_ALIVE_MIN, KEEP_ALIVE_MAX)
     }
 
-    /// The same broker at the next of its places.
+    /// The same broker at its next address.
     #[must_use]
     pub fn at_next_place(mut self) -> Self {
         if !self.also_at.is_empty() {
@@ -63,16 +63,16 @@ impl ConnectionSettings {
     }
 }
 
-/// How the broker is proven to be the right one. It always is: there is no switch for that.
+/// How the broker is authenticated. This cannot be switched off.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TlsSettings {
-    /// PEM file with the authorities to trust, and no others; nothing: those of the system.
+    /// PEM file with the only authorities to trust; `None` for those of the system.
     pub ca_file: Option<PathBuf>,
-    /// PEM files with a certificate chain and its key, to prove this side.
+    /// PEM files with a certificate chain and its key, to authenticate this side.
     pub client_cert: Option<(PathBuf, PathBuf)>,
 }
 
-/// A text that is not shown.
+/// A text that is hidden in debug output.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret(String);
 

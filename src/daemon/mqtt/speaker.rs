@@ -1,4 +1,4 @@
-//! The MQTT session with everything it looks at: pictures, lines, answers.
+//! The MQTT session with everything it reads: views, lines, answers.
 
 use super::{Packet, Rival, Talk};
 use crate::daemon::exchange::answers::{AnswerBox, News};
@@ -17,25 +17,25 @@ use crate::north::clock::Moment;
 use crate::north::mqtt::{Act, Session, Settings};
 use std::sync::Arc;
 
-/// Talks for the gateway.
+/// The gateway's side of the conversation.
 #[derive(Debug)]
 pub struct Speaker {
     session: Session,
     current: Current,
-    /// What the session speaks of.
+    /// The drives and lines of the session.
     shared: Arc<Shared>,
     news: Arc<AnswerBox>,
     totals: Arc<MqttTotals>,
     journal: Journal,
-    /// The pictures as of the last look, in the order of [`Shared::drives`].
+    /// The views as of the last look, in the order of [`Shared::drives`].
     views: Vec<Arc<DriveView>>,
     lines: Vec<LineState>,
     batch: Vec<News>,
 }
 
 impl Speaker {
-    /// Speaks for the drives and lines of `current`, which answer through `news`. What no line sees goes to `journal`.
-    /// Tickets count on from `first_ticket`, so that no answer to somebody who spoke before is taken for one to this
+    /// Serves the drives and lines of `current`, which answer through `news`. Attempts that reach no line are sent to
+    /// `journal`. Tickets start at `first_ticket`, so that no answer to an earlier session is taken for one to this
     /// session.
     #[must_use]
     pub fn new(
@@ -54,7 +54,7 @@ impl Speaker {
         Self { session, current, shared, news, totals, journal, views, lines, batch }
     }
 
-    /// Takes what the lines have answered.
+    /// Processes the answers of the lines.
     fn take_news(&mut self, at: Moment) {
         self.news.take(&mut self.batch);
         for news in self.batch.drain(..) {
@@ -67,7 +67,7 @@ impl Speaker {
         }
     }
 
-    /// Speaks of other drives from now on, if the configuration has changed. What the old ones have answered comes first.
+    /// Follows a change of the configuration. Answers of the old drives are processed first.
     fn follow(&mut self, at: Moment) {
         let is_the_same = Arc::ptr_eq(&self.current.load(), &self.shared);
         if is_the_same {
@@ -97,7 +97,7 @@ impl Speaker {
         self.lines.extend(self.shared.lines.iter().enumerate().map(line));
     }
 
-    /// Hands everything for the lines and the journal to them. It never waits for the broker.
+    /// Passes on everything for the lines and the journal. It never waits for the broker.
     fn pass_inward(&mut self, at: Moment) {
         let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {

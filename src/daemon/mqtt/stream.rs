@@ -16,16 +16,16 @@ pub trait Stream: AsyncRead + AsyncWrite + Send + Unpin {}
 
 impl<T: AsyncRead + AsyncWrite + Send + Unpin> Stream for T {}
 
-/// Where the broker is, and how it proves itself.
+/// The address of the broker, and how it is authenticated.
 #[derive(Debug)]
 pub struct Target {
     pub host: String,
     pub port: u16,
-    /// `None`: plain TCP.
+    /// `None` for plain TCP.
     pub tls: Option<Arc<ClientConfig>>,
 }
 
-/// Connects. The caller bounds the time.
+/// Connects. The caller limits the time.
 pub async fn connect(target: &Target) -> Result<Box<dyn Stream>, Broken> {
     let tcp = connect_tcp(target).await.map_err(|error| of_tcp(&error))?;
     let Some(config) = &target.tls else { return Ok(Box::new(tcp)) };
@@ -55,12 +55,12 @@ async fn connect_tcp(target: &Target) -> Result<TcpStream, Error> {
 }
 
 fn of_tcp(error: &Error) -> Broken {
-    // An established connection is reset or closed; only one that does not come about is refused.
+    // An established connection is reset or closed; only an attempt can be refused.
     let is_unsent = error.kind() == ErrorKind::ConnectionRefused;
     Broken { reason: format!("I/O: {error}"), is_fresh: false, cause: Cause::Gone, is_unsent }
 }
 
-/// CONNECT follows the handshake.
+/// A failure before CONNECT, which follows the handshake.
 const fn of_tls(reason: String) -> Broken {
     Broken { reason, is_fresh: true, cause: Cause::Other, is_unsent: true }
 }

@@ -1,4 +1,4 @@
-//! A broker for tests that does only what the test says, byte by byte.
+//! A broker for tests that does exactly what the test says, byte by byte.
 
 use crate::north::broker::Version;
 use std::net::SocketAddr;
@@ -11,7 +11,7 @@ pub const PUBACK: u8 = 4;
 pub const SUBSCRIBE: u8 = 8;
 pub const DISCONNECT: u8 = 14;
 
-/// Where a client may connect to.
+/// A listener for clients.
 pub struct Stub {
     listener: TcpListener,
     version: Version,
@@ -45,7 +45,7 @@ impl Stub {
         Self::at("127.0.0.1:0".parse().unwrap(), version).await
     }
 
-    /// Listens where another one has listened before.
+    /// Listens on the address of an earlier stub.
     pub async fn at(address: SocketAddr, version: Version) -> Self {
         Self { listener: TcpListener::bind(address).await.unwrap(), version }
     }
@@ -54,7 +54,7 @@ impl Stub {
         self.listener.local_addr().unwrap()
     }
 
-    /// Accepts a connection and says nothing.
+    /// Accepts a connection and sends nothing.
     pub async fn accept(&self) -> Peer {
         let (stream, _) = self.listener.accept().await.unwrap();
         Peer { stream, version: self.version }
@@ -81,7 +81,7 @@ impl Peer {
         self.send(0x20, &body).await;
     }
 
-    /// The next packet; nothing: the client has closed the connection.
+    /// The next packet; `None` if the client has closed the connection.
     pub async fn read(&mut self) -> Option<Frame> {
         let first = self.stream.read_u8().await.ok()?;
         let (mut length, mut shift) = (0, 0);
@@ -157,7 +157,7 @@ impl Peer {
         self.send(0x90, &body).await;
     }
 
-    /// Sends a packet; a client that is gone does not matter.
+    /// Sends a packet; ignores a client that is gone.
     pub async fn send(&mut self, first: u8, body: &[u8]) {
         let mut bytes = vec![first];
         let mut length = body.len();

@@ -1,4 +1,4 @@
-//! The client against a broker that misbehaves in the ways that were seen.
+//! The client against a broker that misbehaves in ways seen in practice.
 
 mod refusing;
 mod writing;
@@ -15,7 +15,7 @@ use tokio::time::{Instant, sleep, timeout};
 
 const VERSIONS: [Version; 2] = [Version::V4, Version::V5];
 
-/// What a talk was told.
+/// An event that a talk has received.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Outcome {
     Connected(Broker),
@@ -39,21 +39,21 @@ struct Text {
     correlation: Option<Vec<u8>>,
 }
 
-/// A talk that says what the test puts into it.
+/// A talk that sends what the test puts into it.
 #[derive(Default)]
 struct Script {
     told: Vec<Outcome>,
     packets: VecDeque<Packet>,
-    /// Said at each connection.
+    /// Sent at each connection.
     greeting: Vec<Packet>,
     farewell: Vec<Publication>,
     leaves_will: bool,
-    /// Publishes this much without an end.
+    /// Publishes payloads of this size endlessly.
     flood: Option<usize>,
     wills: RefCell<u32>,
-    /// Attempts of which it was told that nothing was sent.
+    /// Attempts that were reported as unsent.
     unsent: u32,
-    /// There is always something to do at once.
+    /// Whether a tick is always due at once.
     is_due: bool,
     ticks: u32,
 }
@@ -118,7 +118,7 @@ impl Talk for Script {
     }
 }
 
-/// The client with what the test holds in hand.
+/// The client with the test's handles.
 #[derive(Default)]
 struct Rig {
     talk: RefCell<Script>,
@@ -132,7 +132,7 @@ impl Rig {
         Self { talk: RefCell::new(Script { greeting: packets, ..Script::default() }), ..Self::default() }
     }
 
-    /// Runs the client against `broker` until that is done.
+    /// Runs the client until `broker` is done.
     async fn run<O>(&self, stub: &Stub, version: Version, broker: impl Future<Output = O>) -> O {
         self.run_at(stub.address(), version, broker).await
     }
@@ -148,7 +148,7 @@ impl Rig {
         self.talk.borrow().told.clone()
     }
 
-    /// Waits until the talk was told so many things.
+    /// Waits until the talk has received `count` events.
     async fn told_at_least(&self, count: usize) -> Vec<Outcome> {
         let enough = async {
             while self.talk.borrow().told.len() < count {
@@ -331,7 +331,7 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         })
         .await;
         let told = rig.told();
-        // Nobody knows how long what came right after it has waited, if it is handed over at all.
+        // How long messages right after it have waited is unknown, if they are handed over at all.
         let believed = told.iter().take_while(|it| **it != Outcome::Stalled);
         assert_eq!(believed.filter(|it| matches!(it, Outcome::Message(_))).count(), 0, "{properties:?}: {told:?}");
         assert!(told.iter().filter(|it| matches!(it, Outcome::Message(_))).count() <= 1, "{properties:?}: {told:?}");
@@ -347,7 +347,7 @@ async fn a_message_with_every_property_once_is_handed_over() {
         &[8, 0, 1, b'a'],
         &[9, 0, 1, 7],
         &[3, 0, 1, b'x'],
-        // What may stand there more than once.
+        // Properties that may be repeated.
         &[0x26, 0, 1, b'k', 0, 1, b'v', 0x26, 0, 1, b'k', 0, 0],
         &[0x0B, 0x80, 0x01, 0x0B, 5],
     ];
@@ -391,7 +391,7 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let first = peer.published().await;
-            // The first stays open until its identifier is wanted again; then nothing goes on without it.
+            // The first stays open until its identifier is needed again; then nothing continues without it.
             for _ in 1..usize::from(incident::INFLIGHT_MAX) {
                 let next = peer.published().await;
                 peer.acknowledge(next.identifier).await;
@@ -489,7 +489,7 @@ async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
             peer.publish("stop", b"", &[]).await;
-            // Everything on this thread stands still.
+            // Suspends everything on this thread.
             std::thread::sleep(Duration::from_millis(1_100));
             assert_eq!(
                 rig.told_at_least(3).await,
@@ -694,7 +694,7 @@ async fn what_is_due_while_the_queue_is_full_does_not_make_the_client_spin() {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
             rig.talk.borrow_mut().is_due = true;
-            // Heard by a client that is busy with nothing.
+            // Received by an idle client.
             peer.publish("stop", b"", &[]).await;
             rig.told_at_least(2).await;
             sleep(Duration::from_millis(300)).await;
@@ -789,7 +789,7 @@ async fn a_broker_that_goes_and_comes_is_no_rival_and_is_found_again_within_a_se
                 let listening = stub.take().unwrap();
                 drop(timeout(Duration::from_millis(1500), listening.welcome()).await.expect("soon"));
                 drop(listening);
-                // Nobody listens at two attempts at least.
+                // No broker listens for at least two attempts.
                 sleep(Duration::from_millis(1200)).await;
                 stub = Some(Stub::at(address, version).await);
             }

@@ -1,4 +1,4 @@
-//! TLS towards the broker: whom to trust, and how to prove ourselves.
+//! TLS to the broker: trusted authorities, and our own certificate.
 
 use super::settings::TlsSettings;
 use crate::daemon::host::pem_files::{FileError, certificates, key as key_of};
@@ -10,18 +10,18 @@ use std::sync::Arc;
 /// Why there is no TLS.
 #[derive(Debug, thiserror::Error)]
 pub enum TlsError {
-    /// A PEM file cannot be read or holds something else.
+    /// A PEM file cannot be read or does not hold what is needed.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Nobody is trusted.
+    /// No authority is trusted.
     #[error("{0}: no authority to trust is found")]
     NoAuthority(String),
-    /// The certificates do not suit each other or this library.
+    /// The certificates do not match, or this library rejects them.
     #[error("TLS: {0}")]
     Refused(#[from] rustls::Error),
 }
 
-/// Reads all files that `settings` names, to find mistakes at start and not in the night.
+/// Reads all files that `settings` names, to find mistakes at start and not later.
 ///
 /// # Errors
 /// What is wrong with them.
@@ -29,7 +29,7 @@ pub fn check(settings: &TlsSettings) -> Result<(), TlsError> {
     config(settings).map(|_| ())
 }
 
-/// Reads the files away from the main thread: they may be many and slow. Nothing without settings.
+/// Reads the files on another thread: they may be many and slow. `None` without settings.
 pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
     let Some(settings) = settings else { return Ok(None) };
     let read = tokio::task::spawn_blocking(move || config(&settings)).await;
@@ -40,10 +40,10 @@ pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConf
     }
 }
 
-/// Reads the files. It is done for every connection, so that renewed certificates are used without a restart.
+/// Reads the files. Done for every connection, so that renewed certificates are used without a restart.
 pub fn config(settings: &TlsSettings) -> Result<Arc<ClientConfig>, TlsError> {
     let roots = roots(settings.ca_file.as_deref())?;
-    // The provider is named, so that it does not matter what other parts of the process install or not.
+    // The provider is named, so that it does not matter what other parts of the process install.
     let config = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_safe_default_protocol_versions()?
         .with_root_certificates(roots);
@@ -63,7 +63,7 @@ fn roots(ca_file: Option<&Path>) -> Result<RootCertStore, TlsError> {
             }
         }
         None => {
-            // The system's store may hold a few that this library cannot use.
+            // The system's store may contain a few that this library cannot use.
             roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
         }
     }

@@ -1,4 +1,4 @@
-//! MQTT 3.1.1: between the client library's words and ours.
+//! MQTT 3.1.1: conversion between the client library's types and ours.
 
 use super::exchange::Protocol;
 use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
@@ -126,7 +126,7 @@ pub const fn packet_bytes(it: &Publication) -> usize {
     incident::with_header(2 + it.topic.len() + identifier + it.payload.len())
 }
 
-/// What an event means.
+/// Converts an event.
 fn incident(event: Event) -> Incident {
     match event {
         Event::Incoming(packet) => heard(packet),
@@ -144,7 +144,7 @@ fn of_state(error: StateError) -> Broken {
     broken(&ConnectionError::MqttState(error))
 }
 
-/// Why the connection is over. Only what comes after CONNECT is an error of the protocol.
+/// Why the connection is over. An error of the protocol can only occur after CONNECT.
 fn broken(error: &ConnectionError) -> Broken {
     let is_io =
         matches!(error, ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))));
@@ -154,7 +154,7 @@ fn broken(error: &ConnectionError) -> Broken {
     Broken { reason, is_fresh: !is_io, cause, is_unsent: false }
 }
 
-/// The reason in words of ours.
+/// The reason in our own words, if we have any.
 fn reason_for(error: &ConnectionError) -> Option<String> {
     match error {
         ConnectionError::ConnectionRefused(

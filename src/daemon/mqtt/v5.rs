@@ -1,4 +1,4 @@
-//! MQTT 5: between the client library's words and ours.
+//! MQTT 5: conversion between the client library's types and ours.
 
 use super::exchange::Protocol;
 use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
@@ -17,11 +17,11 @@ use std::io;
 use std::time::Duration;
 use tokio::sync::mpsc::Sender;
 
-/// Longest packet that is taken.
+/// Longest packet that is accepted.
 const INCOMING_MAX: u32 = 256 * 1024;
 const _: () = assert!(INCOMING_MAX as usize == incident::PACKET_MAX, "one limit");
 
-/// How long a broker keeps a session that is kept, in seconds: longer than it takes to start a broker again.
+/// How long a broker keeps a session, in seconds: longer than it takes to restart a broker.
 const SESSION_SECONDS: u32 = 3600;
 
 /// The state of a connection.
@@ -30,14 +30,14 @@ pub struct V5 {
     will: LastWill,
     login: Option<Login>,
     state: MqttState,
-    /// Longest packet that the broker takes.
+    /// Longest packet that the broker accepts.
     outgoing_max: Option<u32>,
-    /// Unacknowledged publications that it takes at once.
+    /// Unacknowledged publications that it accepts at once.
     inflight_max: u16,
 }
 
 impl V5 {
-    /// No topic aliases are offered: the library returns messages that come by one without a topic.
+    /// No topic aliases are offered: the library returns messages with an alias without their topic.
     pub fn new(settings: &ConnectionSettings, will: Publication) -> Self {
         let mut properties = ConnectProperties::new();
         properties.max_packet_size = Some(INCOMING_MAX);
@@ -173,7 +173,7 @@ pub fn packet_bytes(it: &Publication) -> usize {
     incident::with_header(fields + it.payload.len())
 }
 
-/// What an event means.
+/// Converts an event.
 fn incident(event: Event) -> Incident {
     match event {
         Event::Incoming(packet) => heard(packet),
@@ -191,7 +191,7 @@ fn of_state(error: StateError) -> Broken {
     broken(&ConnectionError::MqttState(error))
 }
 
-/// Why the connection is over. Only what comes after CONNECT is an error of the protocol.
+/// Why the connection is over. An error of the protocol can only occur after CONNECT.
 fn broken(error: &ConnectionError) -> Broken {
     let is_io =
         matches!(error, ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))));
@@ -208,7 +208,7 @@ fn broken(error: &ConnectionError) -> Broken {
     Broken { reason, is_fresh: !is_io, cause, is_unsent: false }
 }
 
-/// The reason in words of ours.
+/// The reason in our own words, if we have any.
 fn reason_for(error: &ConnectionError) -> Option<String> {
     match error {
         ConnectionError::ConnectionRefused(
@@ -285,12 +285,12 @@ fn received(publish: Publish) -> Option<Received> {
     })
 }
 
-/// What the protocol forbids about a message; the library takes it all the same.
+/// The protocol violation in a message, if there is one; the library accepts it.
 fn offence(publish: &Publish) -> Option<&'static str> {
     if publish.properties.as_ref().is_some_and(|it| it.topic_alias.is_some()) {
         return Some("a message with a topic alias, of which we offer none");
     }
-    // Topic and payload are parts of the packet as it came: what lies between them is identifier and properties.
+    // Topic and payload are slices of the received packet: between them are the identifier and the properties.
     let identifier = if publish.qos == QoS::AtMostOnce { 0 } else { 2 };
     let between = publish.payload.as_ptr().addr().checked_sub(publish.topic.as_ptr().addr())?;
     let came = between.checked_sub(publish.topic.len() + identifier)?;
@@ -298,7 +298,7 @@ fn offence(publish: &Publish) -> Option<&'static str> {
     (came != incident::length_bytes(told) + told).then_some("a message with a duplicate or malformed property")
 }
 
-/// Bytes of properties on the wire, each once.
+/// Bytes of the properties on the wire, each counted once.
 fn property_bytes(it: &PublishProperties) -> usize {
     let text = |text: &String| 2 + text.len();
     let fixed = [(it.payload_format_indicator.is_some(), 2), (it.message_expiry_interval.is_some(), 5)];
@@ -323,7 +323,7 @@ fn last_will(will: Publication) -> LastWill {
     LastWill::new(will.topic, will.payload, qos(will.qos), will.retain, Some(properties))
 }
 
-/// Whole seconds, rounded up: 0 would mean that nobody gets it.
+/// Whole seconds, rounded up: with 0 it would not be delivered.
 fn seconds(span: Duration) -> u32 {
     let up = u64::from(span.subsec_nanos() > 0);
     u32::try_from((span.as_secs() + up).max(1)).unwrap_or(u32::MAX)

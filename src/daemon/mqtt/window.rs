@@ -1,37 +1,37 @@
-//! Which packet identifier stands for which token.
+//! Maps packet identifiers to tokens.
 //!
-//! The connection chooses identifiers when it takes a publication out of its queue, and reports them in that
-//! order. Identifiers are used again, and acknowledgements come in any order.
+//! The connection chooses identifiers when it takes a publication out of its queue, and reports them in that order.
+//! Identifiers are reused, and acknowledgements arrive in any order.
 
 use crate::north::broker::Qos;
 use std::collections::{HashMap, VecDeque};
 
-/// Packets that may wait in the connection's queue.
+/// Most packets in the connection's queue.
 pub const QUEUE_MAX: usize = 64;
 
-/// What this connection has sent and what of it is acknowledged. A new connection begins with a new one.
+/// What this connection has sent and what is acknowledged. A new connection starts with a new one.
 #[derive(Debug, Default)]
 pub struct Window {
     /// Packets in the connection's queue.
     queued: usize,
-    /// Tokens of the acknowledged kind in that queue, in order.
+    /// Tokens of publications in that queue that will be acknowledged, in order.
     waiting: VecDeque<Option<u64>>,
-    /// Tokens of those that are on their way.
+    /// Tokens of those that were sent.
     sent: HashMap<u16, Option<u64>>,
 }
 
 impl Window {
-    /// Whether the queue takes another packet.
+    /// Whether the queue has room for another packet.
     pub const fn has_room(&self) -> bool {
         self.queued < QUEUE_MAX
     }
 
-    /// Whether everything queued has gone out.
+    /// Whether everything queued was sent.
     pub const fn is_empty(&self) -> bool {
         self.queued == 0
     }
 
-    /// A publication was put into the queue.
+    /// Counts a queued publication.
     pub fn queue_publication(&mut self, qos: Qos, token: Option<u64>) {
         self.queued += 1;
         if qos == Qos::AtLeastOnce {
@@ -39,12 +39,12 @@ impl Window {
         }
     }
 
-    /// Another packet was put into the queue.
+    /// Counts another queued packet.
     pub const fn queue_other(&mut self) {
         self.queued += 1;
     }
 
-    /// A publication went out with this identifier; 0: it is not acknowledged.
+    /// A publication was sent with this identifier; 0 if it will not be acknowledged.
     pub fn publication_left(&mut self, identifier: u16) {
         self.queued = self.queued.saturating_sub(1);
         if identifier != 0 {
@@ -53,12 +53,12 @@ impl Window {
         }
     }
 
-    /// Another packet went out.
+    /// Another packet was sent.
     pub const fn other_left(&mut self) {
         self.queued = self.queued.saturating_sub(1);
     }
 
-    /// The publication with this identifier needs no more acknowledgement. Returns its token.
+    /// The publication with this identifier is settled. Returns its token.
     pub fn settle(&mut self, identifier: u16) -> Option<u64> {
         self.sent.remove(&identifier).flatten()
     }

@@ -1,6 +1,6 @@
-//! Packets on a stream: what was read of the next one, and what is not yet written.
+//! Packets on a stream, with buffers for reading and writing.
 //!
-//! All waits here may be dropped and begun again: no byte is lost or written twice.
+//! All methods are cancel safe: no byte is lost or written twice.
 
 use super::exchange::Protocol;
 use super::incident::{Broken, Cause};
@@ -10,7 +10,7 @@ use std::io::{Error, ErrorKind};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::time::timeout;
 
-/// Room for each read. The codec bounds what is kept of an unfinished packet.
+/// Room for each read. The codec bounds the size of an incomplete packet.
 const READ_BYTES: usize = 8 * 1024;
 
 /// A stream with its buffers.
@@ -18,7 +18,7 @@ pub struct Wire {
     stream: Box<dyn Stream>,
     input: BytesMut,
     output: BytesMut,
-    /// Whether something may still be on its way to the socket.
+    /// Whether bytes may still be on their way to the socket.
     is_unflushed: bool,
 }
 
@@ -43,7 +43,7 @@ impl Wire {
         }
     }
 
-    /// Puts a packet behind what is to be written.
+    /// Appends a packet to what is to be written.
     pub fn put<P: Protocol>(&mut self, protocol: &P, packet: P::Packet) -> Result<(), Broken> {
         self.is_unflushed = true;
         protocol.encode(packet, &mut self.output)

@@ -18,10 +18,10 @@ use tokio::sync::Notify;
 
 /// Time for a client to take the last bytes.
 const FAREWELL: Duration = Duration::from_secs(2);
-/// How often it is said in the log that there was no room.
+/// Ticks between two log messages about dropped messages.
 const REPORT_EVERY: u32 = 40;
 
-/// The machine, and who is woken when it has something for a connection.
+/// The machine, and the tasks to wake when it has bytes for a connection.
 pub struct Shared {
     state: Mutex<State>,
 }
@@ -32,7 +32,7 @@ struct State {
     beats: u32,
 }
 
-/// The place of a connection, which is free when this is dropped.
+/// The place of a connection, which is freed when this is dropped.
 pub struct ConnectionPermit {
     id: ConnectionId,
     bell: Arc<Notify>,
@@ -41,12 +41,12 @@ pub struct ConnectionPermit {
 
 impl Shared {
     pub fn new() -> Arc<Self> {
-        // It makes names, which are not secrets.
+        // The seed is for names, which are not secrets.
         let machine = Machine::new(clock::wall_micros().unsigned_abs(), clock::now());
         Arc::new(Self { state: Mutex::new(State { machine, bells: HashMap::new(), beats: 0 }) })
     }
 
-    /// A place for one more connection; `None`: there is none.
+    /// A place for one more connection; `None` if there are too many.
     pub fn open(self: &Arc<Self>) -> Option<ConnectionPermit> {
         let bell = Arc::new(Notify::new());
         let mut state = self.state();
@@ -72,7 +72,7 @@ impl Shared {
         }
     }
 
-    /// Does something with the machine, and wakes the connections that have something to send then.
+    /// Runs `act` on the machine, then wakes the connections that have bytes to send.
     fn with<T>(&self, act: impl FnOnce(&mut Machine) -> T) -> T {
         let mut state = self.state();
         let done = act(&mut state.machine);
@@ -90,7 +90,7 @@ impl Shared {
 }
 
 impl ConnectionPermit {
-    /// Gives what has come to the machine, packet by packet.
+    /// Passes received bytes to the machine, packet by packet.
     fn received(&self, bytes: &mut BytesMut, peer: SocketAddr) {
         loop {
             let done = match reader::frame(bytes, PACKET_MAX as usize) {
@@ -113,7 +113,7 @@ impl ConnectionPermit {
         }
     }
 
-    /// What is to be sent now, and whether the connection ends then.
+    /// Appends the bytes to be sent now. Returns whether the connection is to be closed afterwards.
     fn hand_over(&self, out: &mut Vec<u8>) -> bool {
         self.shared.with(|machine| {
             machine.hand_over(self.id, clock::now(), out);
@@ -133,9 +133,9 @@ impl Drop for ConnectionPermit {
     }
 }
 
-/// Serves one client until one of both ends the connection.
+/// Serves one client until either side closes the connection.
 pub async fn serve(stream: TcpStream, peer: SocketAddr, place: ConnectionPermit) {
-    // Small packets are not to wait for each other; without it they only come later.
+    // Small packets should not wait for each other; if this fails, they are only delayed.
     let _ = stream.set_nodelay(true);
     let (mut from, mut to) = stream.into_split();
     if let Err(error) = carry(&mut from, &mut to, &place, peer).await {

@@ -1,4 +1,4 @@
-//! Packets of clients, read strictly: what the specification forbids is an error here.
+//! Decodes packets of clients strictly: what the specification forbids is an error.
 
 use super::packet::{
     Connect, Expiry, Fault, Incoming, Message, Options, Qos, Refusal, RetainHandling, Wanted, Will, reason,
@@ -24,14 +24,14 @@ pub fn connect(first: u8, body: &[u8], packet_max: usize) -> Result<Connect, Ref
 
 fn version(first: u8, reader: &mut Reader<'_>) -> Result<Version, Refusal> {
     if first != CONNECT << 4 {
-        return Err(Refusal::Silent(Fault::protocol("no CONNECT at the beginning")));
+        return Err(Refusal::Silent(Fault::protocol("the first packet is not CONNECT")));
     }
     let name = reader.text().map_err(Refusal::Silent)?;
     let level = reader.byte().map_err(Refusal::Silent)?;
     match (name, level) {
         ("MQTT", 4) => Ok(Version::V4),
         ("MQTT", 5) => Ok(Version::V5),
-        // 3.1 and bridges of mosquitto, which set the highest bit; both know this answer.
+        // 3.1 and bridges of mosquitto, which set the highest bit; both understand this answer.
         ("MQIsdp", _) | ("MQTT", 0..4 | 0x80..) => Err(Refusal::Said(Version::V4, 1)),
         ("MQTT", _) => Err(Refusal::Said(Version::V5, reason::UNSUPPORTED_VERSION)),
         _ => Err(Refusal::Silent(Fault::protocol("another protocol"))),
@@ -58,7 +58,7 @@ fn rest_of_connect(version: Version, reader: &mut Reader<'_>, packet_max: usize)
     };
     let client = reader.text()?.to_owned();
     let will = if flags.is(0x04) { Some(will(version, flags, reader)?) } else { None };
-    // Everybody may come; what they say of themselves only has to be right.
+    // Any client may connect; user name and password only have to be well-formed.
     if flags.is(0x80) {
         reader.text()?;
     }
@@ -91,7 +91,7 @@ impl Flags {
         let has_no_will = !self.is(0x04) && self.is(0x38);
         let has_password_alone = version == Version::V4 && self.is(0x40) && !self.is(0x80);
         if self.is(0x01) || has_no_will || has_password_alone {
-            return Err(Fault::malformed("flags of CONNECT that contradict each other"));
+            return Err(Fault::malformed("contradictory flags of CONNECT"));
         }
         Ok(())
     }
@@ -148,7 +148,7 @@ fn publish(flags: u8, reader: &mut Reader<'_>, version: Version) -> Result<Incom
     let packet_id = if qos == Qos::AtMostOnce { None } else { Some(reader.packet_id()?) };
     let properties = properties_of(version, reader, properties::OF_PUBLISH)?;
     if properties.has(properties::TOPIC_ALIAS) {
-        return Err(Fault { reason: reason::TOPIC_ALIAS_INVALID, why: "a topic alias, of which none is allowed" });
+        return Err(Fault { reason: reason::TOPIC_ALIAS_INVALID, why: "a topic alias, and none is allowed" });
     }
     let message = message(topic, reader.rest(), qos, flags & 1 != 0, properties)?;
     Ok(Incoming::Publish { message, packet_id })
@@ -225,7 +225,7 @@ fn unsubscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fa
         filters.push(reader.text()?.to_owned());
     }
     if filters.is_empty() {
-        return Err(Fault::protocol("no filter that is given up"));
+        return Err(Fault::protocol("UNSUBSCRIBE without a filter"));
     }
     Ok(Incoming::Unsubscribe { packet_id, filters })
 }

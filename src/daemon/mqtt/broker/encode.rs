@@ -1,4 +1,4 @@
-//! Packets of the broker.
+//! Encodes packets of the broker.
 
 use super::limits::{IN_FLIGHT_MAX, PACKET_MAX};
 use super::packet::{Message, Outgoing, Qos, reason};
@@ -22,7 +22,7 @@ pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
         Outgoing::Released(id, code) => ack(0x62, *id, *code, version, out),
         Outgoing::Completed(id, code) => ack(0x70, *id, *code, version, out),
         Outgoing::SubAck(id, codes) => frame(0x90, &[&id.to_be_bytes(), none(version), codes], out),
-        // 3.1.1 has no codes there.
+        // 3.1.1 has no codes here.
         Outgoing::UnsubAck(id, _) if version == Version::V4 => frame(0xB0, &[&id.to_be_bytes()], out),
         Outgoing::UnsubAck(id, codes) => frame(0xB0, &[&id.to_be_bytes(), &[0], codes], out),
         Outgoing::Pong => frame(0xD0, &[], out),
@@ -93,7 +93,7 @@ fn publish_head(
     head
 }
 
-/// The length of no properties might be left out, but not every client reads it then.
+/// The empty property length could be omitted, but not every client accepts that.
 fn disconnect(code: u8, why: &str, out: &mut Vec<u8>) {
     let mut list = Vec::new();
     if !why.is_empty() {
@@ -118,7 +118,7 @@ fn frame(first: u8, parts: &[&[u8]], out: &mut Vec<u8>) {
     }
 }
 
-/// A text that came from a packet, so that its length fits.
+/// A text that was received in a packet, so its length fits.
 fn text(text: &str, out: &mut Vec<u8>) {
     out.extend(u16::try_from(text.len()).unwrap_or(u16::MAX).to_be_bytes());
     out.extend(text.as_bytes());

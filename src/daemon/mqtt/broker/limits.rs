@@ -4,11 +4,11 @@
 pub const RETAINED_MAX: usize = 100_000;
 /// What they may weigh together, in bytes.
 pub const RETAINED_BYTES_MAX: usize = 256 * 1024 * 1024;
-/// Longest packet, in bytes. More than the gateway takes, so that its own limits can be tried.
+/// Longest packet, in bytes. More than the gateway accepts, so that its own limits can be tested.
 pub const PACKET_MAX: u32 = 1024 * 1024;
 /// Connections at once.
 pub const CONNECTIONS_MAX: usize = 1000;
-/// Sessions, with those that wait for their client; the one that waits longest gives way.
+/// Sessions, including those without a connection; the one without for longest is dropped.
 pub const SESSIONS_MAX: usize = 2000;
 /// Subscriptions of one client.
 pub const SUBSCRIPTIONS_MAX: usize = 10_000;
@@ -18,7 +18,7 @@ pub const WAITING_MAX: usize = 10_000;
 pub const WAITING_BYTES_MAX: usize = 64 * 1024 * 1024;
 /// Messages that wait for an acknowledgement, to and from one client.
 pub const IN_FLIGHT_MAX: u16 = 64;
-/// The same from a client with MQTT 3.1.1, which has no way to learn a limit.
+/// The same from a client with MQTT 3.1.1, which cannot be told a limit.
 pub const INCOMING_MAX: usize = 1000;
 /// Longest identifier of a client, in bytes.
 pub const CLIENT_IDENTIFIER_MAX: usize = 1024;

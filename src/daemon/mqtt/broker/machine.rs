@@ -1,4 +1,4 @@
-//! The broker without sockets and clocks: it is given packets and the time, and says what is to be sent.
+//! The broker without sockets and clocks: it takes packets and the time, and returns what is to be sent.
 
 use super::decode;
 use super::encode;
@@ -14,17 +14,17 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Time for a client to say who it is.
+/// Time for a client to send CONNECT.
 const CONNECT_WITHIN: Duration = Duration::from_secs(10);
-/// How often retained messages that are over are looked for.
+/// How often expired retained messages are removed.
 const SWEEP: Duration = Duration::from_secs(10);
-/// A tick that comes this late: the process stood still, and what clients sent waits in their sockets.
+/// If a tick is this late, the process was suspended, and what clients sent waits in their sockets.
 const STALL: Duration = Duration::from_secs(2);
-/// Bytes that are handed over at once, about.
+/// Approximate number of bytes that are handed over at once.
 const HANDED_OVER: usize = 64 * 1024;
-/// A DISCONNECT with words is shorter than this.
+/// A DISCONNECT with a reason string is shorter than this.
 const FAREWELL_MAX: usize = 128;
-/// Answers that wait for a client before reading from it pauses, in bytes.
+/// Unread answers to a client beyond which reading from it pauses, in bytes.
 const REPLIES_MAX: usize = 64 * 1024;
 
 /// The number of a connection.
@@ -41,14 +41,14 @@ pub struct Machine {
     pub(super) retained: Retained,
     /// Connections that have something to send, or end.
     pub(super) woken: BTreeSet<ConnectionId>,
-    /// Messages of sessions that are over for which there was no room.
+    /// Dropped messages of sessions that have ended, by client.
     pub(super) dropped: BTreeMap<Arc<str>, u64>,
     /// Retained messages for which there was no room.
     pub(super) not_kept: u64,
     pub(super) random: fastrand::Rng,
     /// Counts connections and sessions.
     pub(super) number: u64,
-    /// Whose turn it is in groups.
+    /// The next member of shared subscriptions.
     pub(super) turn: usize,
     ticked: MonoTime,
     swept: MonoTime,
@@ -57,25 +57,25 @@ pub struct Machine {
 /// One connection.
 #[derive(Debug)]
 pub(super) struct Connection {
-    /// What it takes; known from CONNECT on.
+    /// What it accepts; known from CONNECT on.
     pub taking: Taking,
     pub session: Option<SessionId>,
-    /// Silence that ends it.
+    /// The silence after which it is closed.
     pub silence_max: Option<Duration>,
     heard: MonoTime,
     /// Answers that wait for the socket.
     pub replies: Vec<u8>,
-    /// It is closed when those have gone.
+    /// It is closed once those are sent.
     pub is_ending: bool,
 }
 
 impl Connection {
-    /// Messages at quality of service 2 that it may leave unreleased. 3.1.1 has no way to say how many.
+    /// Messages at quality of service 2 that it may leave unreleased. 3.1.1 cannot announce a limit.
     fn incoming_max(&self) -> usize {
         if self.taking.version == Version::V4 { INCOMING_MAX } else { usize::from(IN_FLIGHT_MAX) }
     }
 
-    /// DISCONNECT, after which the connection ends.
+    /// Sends DISCONNECT, after which the connection is closed.
     pub fn dismiss(&mut self, reason: u8, why: &'static str) {
         let why = if self.taking.packet_max < FAREWELL_MAX { "" } else { why };
         self.reply(&Outgoing::Disconnect(reason, why));
@@ -87,7 +87,7 @@ impl Connection {
     }
 }
 
-/// For whom there was no room since it was asked last.
+/// Messages that were dropped since the last report.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Clients, and how many messages for them were dropped.
@@ -97,7 +97,7 @@ pub struct Report {
 }
 
 impl Machine {
-    /// A broker that begins at `now`; `seed` makes identifiers of clients that have none.
+    /// A broker that starts at `now`; identifiers of clients without one are made from `seed`.
     pub fn new(seed: u64, now: MonoTime) -> Self {
         Self {
             connections: BTreeMap::new(),
@@ -116,7 +116,7 @@ impl Machine {
         }
     }
 
-    /// A client connects; `None`: there are too many.
+    /// Opens a connection; `None` if there are too many.
     pub fn open(&mut self, now: MonoTime) -> Option<ConnectionId> {
         if self.connections.len() >= CONNECTIONS_MAX {
             return None;
@@ -137,10 +137,10 @@ impl Machine {
         Some(id)
     }
 
-    /// A packet has come as a whole.
+    /// Processes a complete packet.
     ///
     /// # Errors
-    /// Why the connection ends. That is already done; it is for the log.
+    /// Why the connection is closed. That is done already; the reason is for the log.
     pub fn received(&mut self, id: ConnectionId, first: u8, body: &[u8], now: MonoTime) -> Result<(), Fault> {
         let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else { return Ok(()) };
         connection.heard = now;
@@ -153,7 +153,7 @@ impl Machine {
         done
     }
 
-    /// What has come is not a packet.
+    /// Handles bytes that are not a packet.
     pub fn fail(&mut self, id: ConnectionId, fault: Fault, now: MonoTime) {
         let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else { return };
         connection.is_ending = true;
@@ -164,14 +164,14 @@ impl Machine {
         }
     }
 
-    /// The socket is closed.
+    /// Handles the closing of the socket.
     pub fn closed(&mut self, id: ConnectionId, now: MonoTime) {
         if let Some(session) = self.connections.remove(&id).and_then(|it| it.session) {
             self.detach(session, true, now);
         }
     }
 
-    /// Appends what is to be sent to `out`, up to a limit; what is left comes with the next call.
+    /// Appends bytes to be sent to `out`, up to a limit; the next call returns more.
     pub fn hand_over(&mut self, id: ConnectionId, now: MonoTime, out: &mut Vec<u8>) {
         let Some(connection) = self.connections.get_mut(&id) else { return };
         out.append(&mut connection.replies);
@@ -184,12 +184,12 @@ impl Machine {
         self.connections.get(&id).is_none_or(|it| it.is_ending)
     }
 
-    /// Whether more may be read from it: one that does not take its answers has to wait.
+    /// Whether more may be read from it: a client that does not read its answers has to wait.
     pub fn may_say_more(&self, id: ConnectionId) -> bool {
         self.connections.get(&id).is_some_and(|it| it.replies.len() < REPLIES_MAX)
     }
 
-    /// Lets time pass: silent clients, wills and sessions whose time has come.
+    /// Handles timeouts: silent clients, due wills and expired sessions.
     pub fn tick(&mut self, now: MonoTime) {
         if now.since(std::mem::replace(&mut self.ticked, now)) >= STALL {
             self.connections.values_mut().for_each(|it| it.heard = now);
@@ -211,7 +211,7 @@ impl Machine {
         std::mem::take(&mut self.woken)
     }
 
-    /// What had no room since this was asked last.
+    /// What was dropped since the last report.
     pub fn take_report(&mut self) -> Report {
         let mut dropped = std::mem::take(&mut self.dropped);
         for session in self.sessions.values_mut() {
@@ -268,7 +268,7 @@ impl Machine {
         Ok(())
     }
 
-    /// A message of a client: it is acknowledged, and delivered once.
+    /// Handles a message of a client: it is acknowledged, and delivered once.
     fn published(
         &mut self,
         id: ConnectionId,
@@ -282,7 +282,7 @@ impl Machine {
                 let Some(incoming) = self.sessions.get_mut(&session).map(|it| &mut it.incoming) else { return Ok(()) };
                 let is_new = incoming.insert(packet_id);
                 if incoming.len() > self.connections.get(&id).map_or(0, Connection::incoming_max) {
-                    let why = "more messages than the receive maximum without their release";
+                    let why = "receive maximum exceeded";
                     return Err(Fault { reason: reason::RECEIVE_MAXIMUM_EXCEEDED, why });
                 }
                 self.reply(id, &Outgoing::Received(packet_id));

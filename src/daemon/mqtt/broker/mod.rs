@@ -1,9 +1,8 @@
-//! A broker inside this process, for the demo and for trying out: MQTT 3.1.1 and 5, in memory, anonymous, on
-//! loopback only.
+//! The embedded broker, for the demo and for trials: MQTT 3.1.1 and 5, in memory, anonymous, on loopback only.
 //!
-//! [`machine`] is all of it but sockets and clocks: packets and time go in, bytes come out. `decode` and `encode` are its
-//! own: the client library reads what brokers send, but refuses right packets of clients (a DISCONNECT of MQTT 5 without a
-//! reason) and lets wrong ones pass. [`connection`] is a task for each client.
+//! [`machine`] is everything except sockets and clocks: packets and time in, bytes out. It has its own `decode` and
+//! `encode`: the client library reads what brokers send, but refuses valid packets of clients (a DISCONNECT of MQTT 5
+//! without a reason) and accepts invalid ones. [`connection`] is a task for each client.
 
 mod connection;
 mod decode;
@@ -34,9 +33,9 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 
-/// How often time passes for the machine.
+/// How often the machine gets a tick.
 const BEAT: Duration = Duration::from_millis(250);
-/// After a connection could not be accepted, for want of descriptors.
+/// Wait after a connection could not be accepted because no descriptors are left.
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// Why there is no broker.
@@ -48,21 +47,21 @@ pub enum BrokerError {
     /// The address cannot be taken.
     #[error("cannot listen on {address}: {error}")]
     Listen {
-        /// As asked for.
+        /// As requested.
         address: SocketAddr,
         /// The system's reason.
         error: io::Error,
     },
 }
 
-/// A broker that listens.
+/// A listening broker.
 pub struct Listening {
     listener: TcpListener,
     address: SocketAddr,
     shared: Arc<Shared>,
 }
 
-/// Begins to listen. It is called on a runtime.
+/// Begins to listen. Must be called on a runtime.
 ///
 /// # Errors
 /// [`BrokerError`].
@@ -77,7 +76,7 @@ pub async fn listen(address: SocketAddr) -> Result<Listening, BrokerError> {
 }
 
 impl Listening {
-    /// Where it really listens.
+    /// The address on which it actually listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address

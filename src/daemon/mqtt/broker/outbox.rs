@@ -1,4 +1,4 @@
-//! What is to go to one client: messages that wait, those that it has not acknowledged, retained ones that it asked for.
+//! Messages to one client: those that wait, those that it has not acknowledged, and retained ones that it requested.
 
 use super::encode;
 use super::limits::{IN_FLIGHT_MAX, WAITING_BYTES_MAX, WAITING_MAX};
@@ -18,7 +18,7 @@ pub struct Delivery {
     pub identifiers: Vec<u32>,
 }
 
-/// What a connection takes.
+/// What a connection accepts.
 #[derive(Clone, Copy, Debug)]
 pub struct Taking {
     pub version: Version,
@@ -28,11 +28,11 @@ pub struct Taking {
     pub packet_max: usize,
 }
 
-/// All that is to go to one client.
+/// All messages to one client.
 #[derive(Debug, Default)]
 pub struct Outbox {
     waiting: VecDeque<Delivery>,
-    /// Their weight.
+    /// Their size in bytes.
     bytes: usize,
     /// Those among them at quality of service 0.
     passing: usize,
@@ -46,14 +46,14 @@ pub struct Outbox {
 struct InFlight {
     id: u16,
     stage: Stage,
-    /// On this connection.
+    /// Whether it was sent on this connection.
     is_sent: bool,
 }
 
 #[derive(Debug)]
 enum Stage {
     Published(Delivery),
-    /// The client has it; it has not said so for the second time.
+    /// The client has received it, but has not sent PUBCOMP yet.
     Released,
 }
 
@@ -63,12 +63,12 @@ struct RetainedBatch {
     filter: String,
     options: Options,
     after: Option<Arc<str>>,
-    /// Those that are kept later come live.
+    /// Messages that are retained later are delivered live.
     number: u64,
 }
 
 impl Outbox {
-    /// Adds a message. Where there is no room, the oldest at quality of service 0 gives way, or else this one.
+    /// Adds a message. If there is no room, the oldest at quality of service 0 is dropped, or else this one.
     pub fn add(&mut self, delivery: Delivery) {
         let weight = delivery.post.message.weight();
         while self.waiting.len() >= WAITING_MAX || self.bytes + weight > WAITING_BYTES_MAX {
@@ -89,34 +89,34 @@ impl Outbox {
         self.asked.push_back(RetainedBatch { filter: filter.to_owned(), options, after: None, number });
     }
 
-    /// A subscription is over.
+    /// Removes a subscription.
     pub fn forget(&mut self, filter: &str) {
         self.asked.retain(|it| it.filter != filter);
     }
 
-    /// A connection begins: what was not acknowledged is sent again.
+    /// Begins a connection: what was not acknowledged is sent again.
     pub fn begin(&mut self) {
         self.in_flight.iter_mut().for_each(|it| it.is_sent = false);
     }
 
-    /// A connection has ended: what may be lost is.
+    /// Ends a connection: messages at quality of service 0 are dropped.
     pub fn end(&mut self) {
         let gone: Vec<Delivery> = self.waiting.iter().filter(|it| is_passing(it)).cloned().collect();
         gone.iter().for_each(|it| self.count_out(it));
         self.waiting.retain(|it| !is_passing(it));
     }
 
-    /// How many messages had no room since it was asked last.
+    /// How many messages were dropped since the last call.
     pub const fn take_dropped(&mut self) -> u64 {
         std::mem::replace(&mut self.dropped, 0)
     }
 
-    /// The client acknowledges at quality of service 1.
+    /// Handles an acknowledgement at quality of service 1.
     pub fn acked(&mut self, id: u16) {
         self.in_flight.retain(|it| it.id != id || it.qos() != Some(Qos::AtLeastOnce));
     }
 
-    /// The client has a message at quality of service 2, or does not want it; returns the reason to answer with.
+    /// Handles PUBREC: the client has the message, or refuses it. Returns the reason to answer with.
     pub fn received(&mut self, id: u16, is_taken: bool) -> Option<u8> {
         let is_it = |it: &InFlight| it.id == id && it.qos() != Some(Qos::AtLeastOnce);
         let Some(at) = self.in_flight.iter().position(is_it) else { return Some(reason::IDENTIFIER_NOT_FOUND) };
@@ -129,12 +129,12 @@ impl Outbox {
         Some(reason::SUCCESS)
     }
 
-    /// The client ends a message at quality of service 2.
+    /// Handles PUBCOMP, the end of a message at quality of service 2.
     pub fn completed(&mut self, id: u16) {
         self.in_flight.retain(|it| it.id != id || it.qos().is_some());
     }
 
-    /// Appends the next packet to `out`; false: there is none now.
+    /// Appends the next packet to `out`; returns false if there is none now.
     pub fn next(&mut self, taking: Taking, retained: &Retained, now: MonoTime, out: &mut Vec<u8>) -> bool {
         let sent = self.in_flight.iter().filter(|it| it.is_sent).count();
         if sent < taking.window
@@ -165,7 +165,7 @@ impl Outbox {
         false
     }
 
-    /// The next message that may go: those above quality of service 0 only if there is room for them.
+    /// The next message that may be sent: above quality of service 0 only if `has_room`.
     fn take(&mut self, has_room: bool, retained: &Retained, now: MonoTime) -> Option<Delivery> {
         while let Some(asked) = self.asked.front_mut() {
             let Some(post) = retained.next(&asked.filter, asked.after.as_ref(), asked.number, now) else {
@@ -190,7 +190,7 @@ impl Outbox {
         self.passing -= usize::from(is_passing(delivery));
     }
 
-    /// A packet identifier that is not in use; there are more of them than places in flight.
+    /// An unused packet identifier; there are more identifiers than messages in flight.
     fn free_id(&self) -> u16 {
         let mut id = self.last_id;
         loop {
@@ -203,7 +203,7 @@ impl Outbox {
 }
 
 impl InFlight {
-    /// The quality of service of what waits for its first acknowledgement.
+    /// The quality of service of a message that waits for its first acknowledgement.
     const fn qos(&self) -> Option<Qos> {
         match &self.stage {
             Stage::Published(delivery) => Some(delivery.qos),
@@ -211,7 +211,7 @@ impl InFlight {
         }
     }
 
-    /// Again, on another connection.
+    /// Writes it again, on another connection.
     fn write(&mut self, taking: Taking, now: MonoTime, out: &mut Vec<u8>) {
         self.is_sent = true;
         match &self.stage {

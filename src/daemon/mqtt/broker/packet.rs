@@ -1,4 +1,4 @@
-//! What clients and the broker say to each other, in one set of words for both versions of the protocol.
+//! The packets of clients and the broker, in one form for both versions of the protocol.
 
 use crate::north::broker::Version;
 use std::sync::Arc;
@@ -25,10 +25,10 @@ pub mod reason {
     pub const QUOTA_EXCEEDED: u8 = 0x97;
 }
 
-/// Why a connection cannot go on.
+/// Why a connection cannot continue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// As MQTT 5 says it.
+    /// The reason code of MQTT 5.
     pub reason: u8,
     /// For the log.
     pub why: &'static str,
@@ -40,7 +40,7 @@ impl Fault {
         Self { reason: reason::MALFORMED, why }
     }
 
-    /// The packet is one, and may not come so.
+    /// The packet is valid, but not allowed here.
     pub const fn protocol(why: &'static str) -> Self {
         Self { reason: reason::PROTOCOL_ERROR, why }
     }
@@ -56,7 +56,7 @@ pub enum Qos {
 }
 
 impl Qos {
-    /// From its number; 3 is none.
+    /// From its number; `None` for others than 0 to 2.
     pub const fn new(number: u8) -> Option<Self> {
         match number {
             0 => Some(Self::AtMostOnce),
@@ -74,21 +74,21 @@ pub struct Message {
     pub payload: Vec<u8>,
     pub qos: Qos,
     pub retain: bool,
-    /// How long it may be delivered.
+    /// How long it may still be delivered.
     pub expiry: Option<Duration>,
-    /// Properties that every receiver gets as they came: payload format, content type, response topic, correlation data,
+    /// Properties that every receiver gets unchanged: payload format, content type, response topic, correlation data,
     /// user properties.
     pub properties: Vec<u8>,
 }
 
 impl Message {
-    /// How much memory it takes, about.
+    /// Approximately how much memory it takes.
     pub fn weight(&self) -> usize {
         self.topic.len() + self.payload.len() + self.properties.len() + 100
     }
 }
 
-/// What a client may say.
+/// A packet from a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Incoming {
     Publish {
@@ -98,14 +98,14 @@ pub enum Incoming {
     },
     /// Acknowledged at quality of service 1.
     Acked(u16),
-    /// First half of quality of service 2; whether the client takes it.
+    /// PUBREC of quality of service 2; whether the client accepts the message.
     Received {
         packet_id: u16,
         is_taken: bool,
     },
-    /// Second half, from the one who sent the message.
+    /// PUBREL of quality of service 2, from the sender of the message.
     Released(u16),
-    /// The end of quality of service 2.
+    /// PUBCOMP of quality of service 2.
     Completed(u16),
     Subscribe {
         packet_id: u16,
@@ -128,15 +128,15 @@ pub enum Incoming {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Connect {
     pub version: Version,
-    /// Empty: the broker chooses one.
+    /// If empty, the broker chooses one.
     pub client: String,
     pub clean_start: bool,
-    /// Zero: none.
+    /// Zero for none.
     pub keep_alive: Duration,
     pub expiry: Expiry,
-    /// How many messages above quality of service 0 it takes at once.
+    /// How many messages above quality of service 0 it accepts at once.
     pub receive_maximum: u16,
-    /// The longest packet that it takes, in bytes.
+    /// The longest packet that it accepts, in bytes.
     pub packet_maximum: usize,
     pub will: Option<Will>,
 }
@@ -145,7 +145,7 @@ pub struct Connect {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expiry {
     After(Duration),
-    /// As long as there is room.
+    /// It lasts as long as there is room.
     Never,
 }
 
@@ -153,13 +153,13 @@ impl Expiry {
     /// It ends with its connection.
     pub const AT_ONCE: Self = Self::After(Duration::ZERO);
 
-    /// As MQTT 5 counts it.
+    /// From the session expiry interval of MQTT 5.
     pub const fn from_seconds(seconds: u32) -> Self {
         if seconds == u32::MAX { Self::Never } else { Self::After(Duration::from_secs(seconds as u64)) }
     }
 }
 
-/// What is published when a connection breaks.
+/// A message that is published when a connection breaks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Will {
     pub message: Message,
@@ -178,11 +178,11 @@ pub struct Wanted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
     pub qos: Qos,
-    /// Not what this client has published itself.
+    /// Without messages that this client has published itself.
     pub no_local: bool,
     /// With the retain flag as it was published; otherwise live messages have none.
     pub as_published: bool,
-    /// Is said with every message.
+    /// Sent with every message.
     pub identifier: Option<u32>,
 }
 
@@ -197,18 +197,18 @@ pub enum RetainHandling {
 /// Why there is no connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// The bytes do not say which answer would be understood.
+    /// The client's version is unknown, so no answer is sent.
     Silent(Fault),
-    /// CONNACK with this code says it.
+    /// CONNACK with this code.
     Said(Version, u8),
 }
 
-/// What the broker may say.
+/// A packet to a client.
 #[derive(Debug)]
 pub enum Outgoing<'a> {
     ConnAck {
         session_present: bool,
-        /// 0 is yes; the numbers are those of the version.
+        /// 0 for success; the codes are those of the version.
         code: u8,
         /// The identifier that the broker has chosen.
         assigned: Option<&'a str>,
@@ -219,7 +219,7 @@ pub enum Outgoing<'a> {
         retain: bool,
         /// Above quality of service 0; whether it is sent again.
         packet_id: Option<(u16, bool)>,
-        /// Seconds that are left to it.
+        /// The remaining time in seconds.
         expiry: Option<u32>,
         identifiers: &'a [u32],
     },
@@ -230,6 +230,6 @@ pub enum Outgoing<'a> {
     SubAck(u16, &'a [u8]),
     UnsubAck(u16, &'a [u8]),
     Pong,
-    /// The reason, as a number and in words; no words for a client that takes only short packets.
+    /// The reason code and its text; the text is empty for a client that accepts only short packets.
     Disconnect(u8, &'static str),
 }

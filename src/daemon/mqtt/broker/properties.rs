@@ -1,4 +1,4 @@
-//! Properties of MQTT 5: a table of all, and a reader that takes those that a packet may have.
+//! Properties of MQTT 5: a table of all, and a reader that accepts those that a packet may have.
 
 use super::packet::Fault;
 use super::reader::Reader;
@@ -48,10 +48,10 @@ pub const OF_ACK: &[u8] = &[REASON_STRING, USER_PROPERTY];
 /// What DISCONNECT of a client may have.
 pub const OF_DISCONNECT: &[u8] = &[SESSION_EXPIRY, REASON_STRING, USER_PROPERTY];
 
-/// What receivers get as it came.
+/// Properties that receivers get unchanged.
 const PASSED_ON: &[u8] = &[PAYLOAD_FORMAT, CONTENT_TYPE, RESPONSE_TOPIC, CORRELATION_DATA, USER_PROPERTY];
 
-/// What a property holds, as far as this broker looks at it.
+/// The value of a property, as far as this broker needs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Value<'a> {
     Number(u32),
@@ -109,12 +109,12 @@ impl<'a> Properties<'a> {
         })
     }
 
-    /// Whether there is one called `name`.
+    /// Whether there is a property `name`.
     pub fn has(&self, name: u8) -> bool {
         self.found.iter().any(|(it, _)| *it == name)
     }
 
-    /// What receivers get, with names, without the length of all.
+    /// The properties that receivers get, encoded, without the total length.
     pub fn passed_on(self) -> Vec<u8> {
         self.passed_on
     }

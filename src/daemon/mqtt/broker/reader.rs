@@ -1,10 +1,10 @@
-//! Bytes of a packet, one after the other, and packets among the bytes of a connection.
+//! Reads the bytes of a packet, and finds packets in the bytes of a connection.
 
 use super::packet::{Fault, reason};
 
 const SHORT: Fault = Fault::malformed("a packet that ends too soon");
 
-/// What is left of a packet.
+/// The rest of a packet.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
@@ -19,12 +19,12 @@ impl<'a> Reader<'a> {
         self.rest.is_empty()
     }
 
-    /// All that is left.
+    /// All remaining bytes.
     pub const fn rest(&self) -> &'a [u8] {
         self.rest
     }
 
-    /// An error if anything is left.
+    /// Returns an error if bytes remain.
     pub const fn end(&self) -> Result<(), Fault> {
         if self.rest.is_empty() { Ok(()) } else { Err(Fault::malformed("bytes after the end of a packet")) }
     }
@@ -67,13 +67,13 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Bytes with their length before them.
+    /// Bytes with a length prefix.
     pub fn binary(&mut self) -> Result<&'a [u8], Fault> {
         let length = self.two()?;
         self.bytes(usize::from(length))
     }
 
-    /// Text with its length before it.
+    /// Text with a length prefix.
     pub fn text(&mut self) -> Result<&'a str, Fault> {
         let text = str::from_utf8(self.binary()?).map_err(|_| Fault::malformed("text that is not UTF-8"))?;
         if text.contains('\0') { Err(Fault::malformed("text with a NUL in it")) } else { Ok(text) }
@@ -94,8 +94,8 @@ pub struct Frame {
     pub end: usize,
 }
 
-/// The packet with which `bytes` begin; `None`: it has not come as a whole. One above `max` bytes is an error before
-/// it has come.
+/// The packet with which `bytes` begin; `None` if it is incomplete. One longer than `max` bytes is an error even if
+/// incomplete.
 pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
     let Some((first, after)) = bytes.split_first() else { return Ok(None) };
     let Some((length, count)) = variable(after)? else { return Ok(None) };
@@ -107,7 +107,7 @@ pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
     Ok((bytes.len() >= end).then_some(Frame { first: *first, body, end }))
 }
 
-/// The number with which `bytes` begin, and how many bytes it takes; `None`: they end within it.
+/// The number with which `bytes` begin, and its length; `None` if it is incomplete.
 fn variable(bytes: &[u8]) -> Result<Option<(u32, usize)>, Fault> {
     let mut number = 0;
     for (at, byte) in bytes.iter().take(4).enumerate() {

@@ -8,7 +8,7 @@ use std::ops::Bound;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A message on its way, and until when it may be delivered.
+/// A message, and until when it may be delivered.
 #[derive(Clone, Debug)]
 pub struct Post {
     pub message: Arc<Message>,
@@ -22,12 +22,12 @@ impl Post {
         Self { message: Arc::new(message), expires }
     }
 
-    /// Whether its time is over.
+    /// Whether it has expired.
     pub fn is_expired(&self, now: MonoTime) -> bool {
         self.expires.is_some_and(|it| it <= now)
     }
 
-    /// Seconds that are left to it, rounded up: 0 would be over.
+    /// The remaining seconds, rounded up: 0 would mean expired.
     pub fn seconds_left(&self, now: MonoTime) -> Option<u32> {
         let left = self.expires?.since(now) + Duration::from_nanos(999_999_999);
         Some(u32::try_from(left.as_secs()).unwrap_or(u32::MAX))
@@ -41,7 +41,7 @@ pub struct Retained {
     bytes: usize,
     count_max: usize,
     bytes_max: usize,
-    /// Counts what was kept so far.
+    /// The number of messages kept so far.
     number: u64,
 }
 
@@ -50,7 +50,8 @@ impl Retained {
         Self { kept: BTreeMap::new(), bytes: 0, count_max, bytes_max, number: 0 }
     }
 
-    /// Keeps `post` in place of what its topic had; one without a payload only removes that. Returns whether there was room.
+    /// Keeps `post` in place of the earlier message of its topic; one without a payload only removes that. Returns
+    /// whether there was room.
     pub fn set(&mut self, post: &Post) -> bool {
         self.remove(&post.message.topic);
         if post.message.payload.is_empty() {
@@ -66,12 +67,12 @@ impl Retained {
         true
     }
 
-    /// How many were kept so far: all that is kept from now on has a higher number.
+    /// How many were kept so far: all messages kept from now on have a higher number.
     pub const fn number(&self) -> u64 {
         self.number
     }
 
-    /// The next message for `filter` after the topic `after`, of those that were there at `number`.
+    /// The next message for `filter` after the topic `after`, of those that existed at `number`.
     pub fn next(&self, filter: &str, after: Option<&Arc<str>>, number: u64, now: MonoTime) -> Option<&Post> {
         let literal = topic::literal(filter);
         let from = match after {
@@ -86,7 +87,7 @@ impl Retained {
         here.find(|(topic, (post, kept_as))| fits(topic, post, *kept_as)).map(|(_, (post, _))| post)
     }
 
-    /// Forgets what is over.
+    /// Removes expired messages.
     pub fn sweep(&mut self, now: MonoTime) {
         let over = self.kept.values().filter(|(post, _)| post.is_expired(now));
         let over: Vec<Arc<str>> = over.map(|(post, _)| Arc::clone(&post.message.topic)).collect();

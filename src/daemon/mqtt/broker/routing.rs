@@ -1,4 +1,4 @@
-//! Who gets what: subscriptions, and messages on their way to them.
+//! Subscriptions, and the delivery of messages to them.
 
 use super::limits::SUBSCRIPTIONS_MAX;
 use super::machine::{ConnectionId, Machine};
@@ -16,7 +16,7 @@ impl Machine {
         let Some(connection) = self.connections.get(&id) else { return };
         let version = connection.taking.version;
         let codes: Vec<u8> = wanted.iter().map(|it| self.subscribe_one(session, it)).collect();
-        // 3.1.1 knows one way to refuse.
+        // 3.1.1 has a single code to refuse.
         let said = |code: u8| if version == Version::V4 { code.min(reason::REFUSED) } else { code };
         let codes: Vec<u8> = codes.into_iter().map(said).collect();
         self.reply(id, &Outgoing::SubAck(packet_id, &codes));
@@ -55,7 +55,7 @@ impl Machine {
         if self.subscriptions.remove(filter, id) { reason::SUCCESS } else { reason::NO_SUBSCRIPTION_EXISTED }
     }
 
-    /// Keeps `post` if it is to be kept, and gives it to all who want it. `from` has published it.
+    /// Retains `post` if requested, and delivers it to all subscribers. `from` has published it.
     pub(super) fn deliver(&mut self, post: &Post, from: Option<SessionId>) {
         if post.message.retain && !self.retained.set(post) {
             self.not_kept += 1;
@@ -83,7 +83,7 @@ impl Machine {
         }
         for (id, delivery) in once.into_iter().chain(shared) {
             let Some(session) = self.sessions.get_mut(&id) else { continue };
-            // Messages at quality of service 0 do not wait for a client that is away.
+            // Messages at quality of service 0 do not wait for a client without a connection.
             if session.connection.is_some() || delivery.qos != Qos::AtMostOnce {
                 session.outbox.add(delivery);
                 self.woken.extend(session.connection);
@@ -96,14 +96,15 @@ fn none_of(post: &Post) -> Delivery {
     Delivery { post: post.clone(), qos: Qos::AtMostOnce, retain: false, identifiers: Vec::new() }
 }
 
-/// Adds what a subscription wants to a message that a client gets once, however many of its filters match.
+/// Merges the options of one more subscription into a message, which a client gets once however many of its filters
+/// match.
 fn merge(delivery: &mut Delivery, options: Options) {
     delivery.qos = delivery.qos.max(options.qos.min(delivery.post.message.qos));
     delivery.retain |= options.as_published && delivery.post.message.retain;
     delivery.identifiers.extend(options.identifier);
 }
 
-/// The member whose turn it is; one that is away only if all are.
+/// The next member; one without a connection only if none has one.
 fn one_of(members: &Members, sessions: &BTreeMap<SessionId, Session>, turn: usize) -> Option<(SessionId, Options)> {
     let is_here = |id: &SessionId| sessions.get(id).is_some_and(|it| it.connection.is_some());
     let here = members.iter().filter(|(id, _)| is_here(id));

@@ -1,4 +1,4 @@
-//! What the broker keeps for one client, over its connections.
+//! The state of one client across its connections.
 
 use super::machine::ConnectionId;
 use super::outbox::Outbox;
@@ -12,18 +12,18 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SessionId(pub u64);
 
-/// What is kept for one client.
+/// The state of one client.
 #[derive(Debug)]
 pub struct Session {
     /// Its identifier.
     pub client: Arc<str>,
-    /// Where it is now.
+    /// Its connection, if it has one.
     pub connection: Option<ConnectionId>,
     /// How long it lasts without one.
     pub expiry: Expiry,
-    /// When the last one ended.
+    /// When the last connection ended.
     pub gone_at: MonoTime,
-    /// What is published if the connection breaks, or has broken and the delay is not over.
+    /// The will of the connection, or of one that has broken while the delay is not over.
     pub will: Option<Will>,
     pub filters: BTreeSet<String>,
     pub outbox: Outbox,
@@ -45,7 +45,7 @@ impl Session {
         }
     }
 
-    /// Whether it is over at `now`.
+    /// Whether it has expired at `now`.
     pub fn is_over(&self, now: MonoTime) -> bool {
         match self.expiry {
             Expiry::After(span) => self.connection.is_none() && now.since(self.gone_at) >= span,
@@ -53,14 +53,14 @@ impl Session {
         }
     }
 
-    /// The will, if it is to be published at `now`.
+    /// Takes the will if it is to be published at `now`.
     pub fn take_due_will(&mut self, now: MonoTime) -> Option<Will> {
         let away = now.since(self.gone_at);
         let is_due = |will: &mut Will| self.connection.is_none() && away >= will.delay;
         self.will.take_if(is_due)
     }
 
-    /// Another connection takes it over: a will that waits for longer than that is not published.
+    /// Takes the will if it is due when another connection takes over: a will with a delay is not published then.
     pub fn take_will_at_once(&mut self) -> Option<Will> {
         self.will.take().filter(|will| self.connection.is_some() && will.delay == Duration::ZERO)
     }

@@ -1,4 +1,4 @@
-//! How sessions begin, are taken over and end.
+//! Beginning, taking over and ending sessions.
 
 use super::limits::{CLIENT_IDENTIFIER_MAX, IN_FLIGHT_MAX, SESSIONS_MAX};
 use super::machine::{ConnectionId, Machine};
@@ -12,11 +12,11 @@ use crate::north::broker::Version;
 use std::sync::Arc;
 
 impl Machine {
-    /// A client has said who it is.
+    /// Handles CONNECT.
     pub(super) fn connect(&mut self, id: ConnectionId, connect: Connect, now: MonoTime) {
         let version = connect.version;
         let is_nameless = connect.client.is_empty();
-        // 3.1.1 lets clients leave out their identifier only if no session is kept for them.
+        // 3.1.1 allows an empty identifier only if no session is kept.
         if (version == Version::V4 && is_nameless && !connect.clean_start)
             || connect.client.len() > CLIENT_IDENTIFIER_MAX
         {
@@ -43,7 +43,7 @@ impl Machine {
         }
     }
 
-    /// Says no, and closes.
+    /// Refuses the connection, and closes it.
     pub(super) fn refuse(&mut self, id: ConnectionId, version: Version, code: u8) {
         let Some(connection) = self.connections.get_mut(&id) else { return };
         connection.taking.version = version;
@@ -52,7 +52,7 @@ impl Machine {
         self.woken.insert(id);
     }
 
-    /// DISCONNECT of a client.
+    /// Handles DISCONNECT of a client.
     pub(super) fn leave(
         &mut self,
         id: ConnectionId,
@@ -63,7 +63,7 @@ impl Machine {
     ) -> Result<(), Fault> {
         if let (Some(expiry), Some(session)) = (expiry, self.sessions.get_mut(&session)) {
             if session.expiry == Expiry::AT_ONCE && expiry != Expiry::AT_ONCE {
-                return Err(Fault::protocol("a session that is to last after all"));
+                return Err(Fault::protocol("a session expiry after CONNECT had none"));
             }
             session.expiry = expiry;
         }
@@ -76,7 +76,7 @@ impl Machine {
         Ok(())
     }
 
-    /// The connection of `session` has ended.
+    /// Detaches `session` from its connection, which has ended.
     pub(super) fn detach(&mut self, session: SessionId, with_will: bool, now: MonoTime) {
         let Some(kept) = self.sessions.get_mut(&session) else { return };
         kept.connection = None;
@@ -88,7 +88,7 @@ impl Machine {
         self.let_pass(session, now);
     }
 
-    /// Wills whose delay is over, and sessions that are.
+    /// Publishes due wills, and ends expired sessions.
     pub(super) fn let_sessions_pass(&mut self, now: MonoTime) {
         let away = self.sessions.iter().filter(|(_, it)| it.connection.is_none());
         for session in away.map(|(id, _)| *id).collect::<Vec<_>>() {
@@ -106,7 +106,7 @@ impl Machine {
         }
     }
 
-    /// Ends a session; its will waits no longer.
+    /// Ends a session; its will is published without further delay.
     fn end(&mut self, id: SessionId, now: MonoTime) {
         let Some(mut session) = self.sessions.remove(&id) else { return };
         self.clients.remove(&session.client);
@@ -120,7 +120,7 @@ impl Machine {
         self.publish_will(session.will, id, now);
     }
 
-    /// Ends another connection of `client`. Returns the session that goes on.
+    /// Closes another connection of `client`. Returns the session that continues.
     fn take_over(&mut self, client: &str, clean_start: bool, now: MonoTime) -> Option<SessionId> {
         let id = *self.clients.get(client)?;
         let session = self.sessions.get_mut(&id)?;

@@ -1,14 +1,14 @@
-//! Names of topics, and filters over them.
+//! Topic names and filters.
 
-/// Levels of a filter at most: subscriptions are a tree of this depth.
+/// Most levels of a filter: subscriptions are a tree of this depth.
 const LEVELS_MAX: usize = 128;
 
-/// Whether something can be published there.
+/// Whether `topic` is a valid topic name.
 pub fn is_name(topic: &str) -> bool {
     !topic.is_empty() && !topic.contains(['+', '#', '\0'])
 }
 
-/// A filter that is right, perhaps of a group whose members share its messages.
+/// A valid filter, possibly of a group that shares its messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Filter<'a> {
     pub group: Option<&'a str>,
@@ -16,7 +16,7 @@ pub struct Filter<'a> {
 }
 
 impl<'a> Filter<'a> {
-    /// `None`: it is not a filter.
+    /// `None` if `text` is not a valid filter.
     pub fn new(text: &'a str) -> Option<Self> {
         let (group, levels) = match text.strip_prefix("$share/") {
             Some(rest) => {
@@ -38,8 +38,7 @@ fn is_filter(text: &str) -> bool {
     !text.is_empty() && text.split('/').count() <= LEVELS_MAX && (last == "#" || is_level(last)) && levels.all(is_level)
 }
 
-/// Whether what is published on `topic` belongs to `filter`. Wildcards at the beginning leave out topics that begin
-/// with `$`.
+/// Whether `topic` matches `filter`. Wildcards at the beginning do not match topics that begin with `$`.
 pub fn matches(filter: &str, topic: &str) -> bool {
     if topic.starts_with('$') && filter.starts_with(['+', '#']) {
         return false;
@@ -57,10 +56,10 @@ pub fn matches(filter: &str, topic: &str) -> bool {
     levels.next().is_none()
 }
 
-/// What every topic of `filter` begins with.
+/// The common prefix of all topics that match `filter`.
 pub fn literal(filter: &str) -> &str {
     let literal = filter.find(['+', '#']).map_or(filter, |at| &filter[..at]);
-    // `a/#` is also `a`.
+    // `a/#` also matches `a`.
     if filter.ends_with('#') { literal.strip_suffix('/').unwrap_or(literal) } else { literal }
 }
 

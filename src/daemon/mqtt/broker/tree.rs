@@ -1,4 +1,4 @@
-//! Subscriptions as a tree of levels, so that a message is compared with those that may match only.
+//! Subscriptions as a tree of levels, so that a message is compared only with those that may match.
 
 use super::packet::Options;
 use super::session::SessionId;
@@ -21,7 +21,7 @@ struct Node {
     groups: BTreeMap<Box<str>, Members>,
 }
 
-/// What wants a message: each one of these members, or one of a group.
+/// Receivers of a message: each of these members, or one of a group.
 #[derive(Clone, Copy, Debug)]
 pub enum Taker<'a> {
     Each(&'a Members),
@@ -47,7 +47,7 @@ impl Tree {
         remove(&mut self.root, filter.levels.split('/'), filter.group, session)
     }
 
-    /// Those whose filters match `topic`.
+    /// The receivers whose filters match `topic`.
     pub fn takers(&self, topic: &str) -> Vec<Taker<'_>> {
         let levels: Vec<&str> = topic.split('/').collect();
         let mut found = Vec::new();
@@ -81,7 +81,8 @@ impl Node {
     }
 }
 
-/// Removes from `node` downwards, and each level that is no longer needed. The recursion is as deep as filters are long, which is bounded.
+/// Removes a subscription below `node`, and each level that is no longer needed. The recursion is as deep as filters
+/// are long, which is bounded.
 fn remove<'a>(
     node: &mut Node,
     mut levels: impl Iterator<Item = &'a str>,

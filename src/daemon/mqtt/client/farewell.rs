@@ -1,4 +1,4 @@
-//! The last words on a connection.
+//! The farewell on a connection: last messages and DISCONNECT.
 
 use super::{Client, End, Events, Talk};
 use crate::daemon::host::clock;
@@ -7,14 +7,14 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// Time for the last words.
+/// Time for the last messages.
 const FAREWELL_MAX: Duration = Duration::from_secs(1);
-/// Time for the broker to close the connection after DISCONNECT, or to read the words where there is none. Closing
-/// first, with something unread, could cost words that it has not read.
+/// Time for the broker to close the connection after DISCONNECT, or to read the last messages where none is sent.
+/// Closing first could lose messages that it has not read.
 const CLOSING_MAX: Duration = Duration::from_millis(200);
 
 impl<T: Talk> Client<'_, T> {
-    /// The last words, DISCONNECT, and the broker's closing of the connection; all in bounded time.
+    /// Sends the last messages and DISCONNECT, and waits for the broker to close the connection; all in bounded time.
     pub(super) async fn farewell(&mut self, events: &mut Events) -> End {
         if self.link.is_none() {
             return End::Stopped;
@@ -28,7 +28,7 @@ impl<T: Talk> Client<'_, T> {
                         self.take(incident);
                     }
                 };
-                // Either way there is nothing left to say.
+                // Either way there is nothing left to send.
                 let _ = timeout(CLOSING_MAX, closed).await;
             }
         }
@@ -37,17 +37,17 @@ impl<T: Talk> Client<'_, T> {
         End::Stopped
     }
 
-    /// Is over when the words are out and DISCONNECT, where one is sent, or when the connection is gone. Meanwhile a stop
-    /// may come as at any time.
+    /// Sends `words` and, where one is sent, DISCONNECT; returns earlier if the connection is lost. Stops that arrive
+    /// meanwhile are handled as usual.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
-        // The queue has no DISCONNECT that asks for the will. Without any, closing asks for it.
+        // The library cannot send a DISCONNECT that requests the will. Closing without one does.
         let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
         let mut has_ended = false;
         while let Some(link) = &mut self.link {
             while link.window.has_room() && !has_ended {
                 has_ended = match words.pop_front() {
                     Some(publication) => link.publish(publication, self.counters).is_err(),
-                    // Not before the words are out: a broker may answer nothing once it has read DISCONNECT.
+                    // Not before the messages are sent: a broker may answer nothing once it has read DISCONNECT.
                     None if link.window.is_empty() => {
                         if !is_closed_only {
                             link.disconnect();

@@ -1,4 +1,4 @@
-//! A broker that takes less than it is offered: refusals of single publications, and its own bound on open ones.
+//! A broker that accepts less than it is sent: refusals of single publications, and its own bound on open ones.
 
 use super::super::stub::Published;
 use super::*;
@@ -29,7 +29,7 @@ async fn a_refused_publication_is_told_with_what_it_means() {
                 let identifier = peer.published().await.identifier;
                 answer(&mut peer, identifier, reason).await;
             }
-            // That nobody subscribes to it is no refusal.
+            // The code for no matching subscribers is not a refusal.
             let identifier = peer.published().await.identifier;
             answer(&mut peer, identifier, 0x10).await;
             rig.told_at_least(reasons.len() + 2).await
@@ -57,7 +57,7 @@ async fn a_publication_with_a_token_that_cannot_be_sent_is_told_as_refused() {
     }
 }
 
-/// Whatever is published until the client has been quiet for a moment.
+/// All publications until the client has been quiet for a moment.
 async fn until_quiet(peer: &mut Peer) -> Vec<Published> {
     let mut all = Vec::new();
     while let Ok(published) = timeout(Duration::from_millis(200), peer.published()).await {

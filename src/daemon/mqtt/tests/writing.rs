@@ -1,4 +1,4 @@
-//! What is written, and what is reported as sent.
+//! Writing, and what is reported as sent.
 
 use super::super::exchange::Protocol;
 use super::super::incident::Incident;

@@ -1,4 +1,4 @@
-//! Messages: to whom, how often, in which order, with what.
+//! Messages: receivers, repetition, order, properties.
 
 use super::*;
 use v5::PubAckReason;
@@ -52,7 +52,7 @@ fn quality_2_is_delivered_once_however_often_it_is_sent() {
     assert!(matches!(&rig.take(reader)[..], [v5::Packet::PubRel(it)] if it.pkid == got[0].pkid));
     assert!(rig.say(reader, &v5::Packet::PubComp(v5::PubComp::new(got[0].pkid, None))));
     assert!(rig.take(reader).is_empty());
-    // An identifier that is not in use.
+    // An unused identifier.
     assert!(rig.say(reader, &v5::Packet::PubRec(v5::PubRec::new(77, None))));
     let not_found = v5::PubRelReason::PacketIdentifierNotFound;
     assert!(matches!(&rig.take(reader)[..], [v5::Packet::PubRel(it)] if it.reason == not_found));

@@ -1,4 +1,4 @@
-//! The machine in simulated time. Its clients write and read with the client library, which did not make this broker.
+//! The machine in simulated time. Its clients use the client library, which is independent of this broker.
 
 mod delivery;
 mod sessions;
@@ -34,7 +34,7 @@ impl Rig {
         self.machine.open(self.now).unwrap()
     }
 
-    /// Gives it bytes as they come from a socket; returns whether all of them were right.
+    /// Passes bytes to it as from a socket; returns whether all of them were valid.
     fn bytes(&mut self, id: Id, mut bytes: &[u8]) -> bool {
         let mut is_right = true;
         loop {
@@ -68,7 +68,7 @@ impl Rig {
     fn sent(&mut self, id: Id) -> BytesMut {
         let mut all = Vec::new();
         loop {
-            // It stops when it has much; that is not all.
+            // It returns a limited amount at a time.
             let mut some = Vec::new();
             self.machine.hand_over(id, self.now, &mut some);
             if some.is_empty() {
@@ -142,7 +142,7 @@ impl Rig {
         assert!(self.say(id, &v5::Packet::Subscribe(subscribe)));
     }
 
-    /// The answer alone: messages stay where they are.
+    /// The answer alone: messages stay queued.
     fn machine_answer(&mut self, id: Id) -> Option<v5::Packet> {
         let connection = self.machine.connections.get_mut(&id)?;
         let mut bytes = BytesMut::from(&*std::mem::take(&mut connection.replies));
@@ -153,7 +153,7 @@ impl Rig {
         self.say(id, &v5::Packet::Publish(publish))
     }
 
-    /// Lets time pass in beats, as the process does.
+    /// Lets time pass in ticks, as the process does.
     fn pass(&mut self, span: Duration) {
         let end = self.now + span;
         while self.now < end {
@@ -167,7 +167,7 @@ fn connect(client: &str) -> v5::Connect {
     v5::Connect { keep_alive: 0, client_id: client.to_owned(), clean_start: true, properties: None }
 }
 
-/// A connection whose session lasts for so many seconds without one.
+/// A CONNECT whose session lasts for `seconds` without a connection.
 fn lasting(client: &str, seconds: u32) -> v5::Connect {
     let properties = v5::ConnectProperties { session_expiry_interval: Some(seconds), ..Default::default() };
     v5::Connect { clean_start: false, properties: Some(properties), ..connect(client) }

@@ -179,7 +179,7 @@ fn a_will_waits_for_its_delay_but_not_beyond_its_session() {
     rig.pass(Duration::from_secs(1));
     let told = rig.messages(watcher);
     assert_eq!(told[0].properties.as_ref().unwrap().content_type.as_deref(), Some("text/plain"));
-    // It comes back in time.
+    // The client reconnects in time.
     let (id, _) = rig.connect_with(lasting("a", 60), will("will", Some(10)));
     rig.machine.closed(id, rig.now);
     rig.pass(Duration::from_secs(9));

@@ -1,4 +1,4 @@
-//! What is no MQTT: connections end with the right reason, and there is no panic.
+//! Invalid packets: connections are closed with the right reason, and there is no panic.
 
 use super::*;
 use proptest::prelude::*;
@@ -78,7 +78,7 @@ fn more_unreleased_messages_than_were_offered_end_the_connection() {
     rig.sent(id);
     assert!(!rig.publish(id, v5::Publish { pkid: 65, ..message("a", "x", QoS::ExactlyOnce) }));
     assert_eq!(farewell(&mut rig, id), 0x93);
-    // With 3.1.1 a client cannot know.
+    // With 3.1.1 a client cannot know the limit.
     let (old, _) = rig.connect_v4("b", true);
     for pkid in 1..=1000 {
         let publish = v4::Publish { pkid, ..v4::Publish::new("a", rumqttc::QoS::ExactlyOnce, "x") };
@@ -86,7 +86,7 @@ fn more_unreleased_messages_than_were_offered_end_the_connection() {
     }
 }
 
-/// The reason with which the broker dismisses a client, which it also says in words.
+/// The reason code with which the broker disconnects a client, which must have a text as well.
 fn farewell(rig: &mut Rig, id: Id) -> u8 {
     let packets = rig.take(id);
     let [v5::Packet::Disconnect(it)] = &packets[..] else { panic!("{packets:?}") };
@@ -110,7 +110,7 @@ fn packet() -> impl Strategy<Value = Vec<u8>> {
     (any::<u8>(), body).prop_map(|(first, body)| [&[first, u8::try_from(body.len()).unwrap()], &*body].concat())
 }
 
-/// A right one, in which some bytes are changed.
+/// A valid packet with some bytes changed.
 fn damaged() -> impl Strategy<Value = Vec<u8>> {
     let right: Vec<&'static [u8]> = vec![
         b"\x10\x1d\x00\x04MQTT\x05\xc6\x00\x3c\x05\x11\x00\x00\x00\x09\x00\x01a\x00\x00\x01w\x00\x01x\x00\x00\x00\x00",
