@@ -1,4 +1,4 @@
-//! A stop for all drives is found together by each line, by whatever way it comes, so that it can be one frame there.
+//! Each line finds a stop for all drives together, by whatever path it arrives, so that it can be one frame there.
 
 use crate::config::{self, Config};
 use crate::daemon::exchange::inbox::Inbox;
@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 const DRIVES: usize = 3;
 
-/// One line of drives that everybody may command.
+/// One line of drives that every client may command.
 fn config() -> Config {
     let mut text = "[gateway]\nname = \"plant\"\ndata_dir = \"/data\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\n\
                     [mqtt.sparkplug]\ngroup = \"hall\"\nprimary_host = \"scada\"\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n\
@@ -43,7 +43,7 @@ fn config() -> Config {
     config::load(&text, &catalog).unwrap()
 }
 
-/// Gives a stop for all, and says how many stops the line finds when it is called.
+/// Sends a stop for all, and returns how many stops the line finds when it is woken.
 fn found(shared: &Shared, give: impl FnOnce()) -> usize {
     let inbox: &Arc<Inbox> = &shared.lines[0].inbox;
     let sleeper = Sleeper::new(inbox);
@@ -56,7 +56,7 @@ fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Event<'a> {
     Event::Message(Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None })
 }
 
-/// What both sides with a broker are made of.
+/// The settings of both sides with a broker.
 fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
     let name = config.gateway.name.clone().unwrap();
     build::broker(config.mqtt.as_ref().unwrap(), &name, Some(dir), None).unwrap()

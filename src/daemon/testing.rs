@@ -1,4 +1,4 @@
-//! What tests of several parts of the daemon share: a directory of their own, and a line thread that sleeps.
+//! Shared helpers for tests of the daemon: a temporary directory, and a line thread that sleeps.
 
 use crate::daemon::exchange::inbox::{Inbox, Message};
 use std::ops::Deref;
@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Wake, Waker};
 
-/// A directory that is gone afterwards.
+/// A temporary directory that is removed when this is dropped.
 #[derive(Debug)]
 pub struct Dir(PathBuf);
 
 impl Dir {
-    /// A new one, with nothing in it.
+    /// A new, empty directory.
     pub fn new() -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let name = format!("vfd-gateway-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
@@ -39,25 +39,25 @@ impl AsRef<Path> for Dir {
 
 impl Drop for Dir {
     fn drop(&mut self) {
-        // What is left in the temporary directory harms nobody.
+        // Leftovers in the temporary directory do no harm.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// A line thread that sleeps until it is called, and looks into its inbox in that very moment.
+/// A line thread that sleeps until it is woken, and reads its inbox at that moment.
 pub struct Sleeper {
     first: Arc<First>,
     called: Pin<Box<dyn Future<Output = ()>>>,
 }
 
-/// What it finds then.
+/// What it finds first.
 struct First {
     inbox: Arc<Inbox>,
     found: Mutex<Vec<Message>>,
 }
 
 impl Sleeper {
-    /// The thread of the line with this inbox, in which nothing waits.
+    /// The thread of the line with this inbox, which must be empty.
     pub fn new(inbox: &Arc<Inbox>) -> Self {
         let called = Arc::clone(inbox);
         let mut sleeper = Self {
@@ -70,7 +70,7 @@ impl Sleeper {
         sleeper
     }
 
-    /// How many messages it has found when it was called first.
+    /// How many messages it found when it was first woken.
     pub fn found(self) -> usize {
         let found = self.first.found.lock().expect("nobody panics").len();
         drop(self.called);

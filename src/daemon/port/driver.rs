@@ -1,5 +1,5 @@
-//! What only the driver of a serial device can do: turn the direction of an RS-485 transceiver, and hand over at once
-//! what it receives.
+//! Settings of the driver of a serial device: turning the direction of an RS-485 transceiver, and delivering received
+//! bytes at once.
 
 use crate::daemon::host::sys;
 use rustix::io::Errno;
@@ -15,7 +15,7 @@ const RS485_RTS_ON_SEND: u32 = 1 << 1;
 const RS485_RTS_AFTER_SEND: u32 = 1 << 2;
 /// `ASYNC_LOW_LATENCY` (Linux, `linux/tty_flags.h`).
 const LOW_LATENCY: i32 = 1 << 13;
-/// FTDI adapters hold bytes back for this long from the factory.
+/// Factory setting of FTDI adapters: they hold bytes back for this long.
 const FTDI_LATENCY_MS: u32 = 16;
 
 /// `struct serial_rs485` (Linux, `linux/serial.h`).
@@ -28,7 +28,7 @@ pub struct Rs485 {
     rest: [u32; 5],
 }
 
-/// `struct serial_struct` (Linux, `linux/serial.h`). All but the flags go back as they came.
+/// `struct serial_struct` (Linux, `linux/serial.h`). All fields but the flags are written back unchanged.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SerialInfo {
@@ -52,7 +52,8 @@ pub struct SerialInfo {
 }
 
 impl Rs485 {
-    /// With the direction turned by the driver. A polarity that the board declares stays; else RTS is set to send.
+    /// Settings with the direction turned by the driver. A polarity that the board declares is kept; otherwise RTS is
+    /// set while sending.
     const fn enabled(mut self) -> Self {
         self.flags |= RS485_ENABLED;
         if self.flags & (RS485_RTS_ON_SEND | RS485_RTS_AFTER_SEND) == 0 {
@@ -65,16 +66,16 @@ impl Rs485 {
         self.flags & (RS485_RTS_ON_SEND | RS485_RTS_AFTER_SEND)
     }
 
-    /// Whether a driver that was told `wanted` and now holds `self` does it.
+    /// Whether a driver that now holds `self` has accepted `wanted`.
     const fn does(self, wanted: Self) -> bool {
         self.flags & RS485_ENABLED != 0 && self.polarity() == wanted.polarity()
     }
 }
 
-/// Has the driver turn the direction.
+/// Makes the driver turn the direction.
 ///
 /// # Errors
-/// Why it does not, with the name of the ioctl and with what would be right.
+/// Why it does not, with the name of the ioctl and the alternatives.
 pub(super) fn turn_direction(fd: BorrowedFd<'_>) -> Result<(), String> {
     let refused = |call: &str, error: &io::Error| {
         let why = if is_unknown(error) {
@@ -97,7 +98,7 @@ pub(super) fn turn_direction(fd: BorrowedFd<'_>) -> Result<(), String> {
     ))
 }
 
-/// Whoever set the key looks for what sets it, so that is named whichever of the two calls failed.
+/// The message names the ioctl that sets it, whichever of the two calls failed, since that is what users search for.
 fn not_by_kernel(call: &str, why: &str) -> String {
     let call = if call == "TIOCSRS485" { call.to_owned() } else { format!("TIOCSRS485 (asked by {call})") };
     format!(
@@ -106,8 +107,8 @@ fn not_by_kernel(call: &str, why: &str) -> String {
     )
 }
 
-/// Asks the driver to hand over what it receives at once. Drivers that have no such setting need none; of others the
-/// refusal is returned.
+/// Asks the driver to deliver received bytes at once. Drivers without such a setting do not need it; the refusal of
+/// others is returned.
 pub(super) fn ask_for_low_latency(fd: BorrowedFd<'_>) -> io::Result<()> {
     let asked = sys::serial_info(fd).and_then(|info| match info.with_low_latency() {
         Some(wanted) => sys::set_serial_info(fd, &wanted),
@@ -120,7 +121,7 @@ pub(super) fn ask_for_low_latency(fd: BorrowedFd<'_>) -> io::Result<()> {
 }
 
 impl SerialInfo {
-    /// The settings to write; nothing if it is set already.
+    /// The settings to write; `None` if it is set already.
     const fn with_low_latency(mut self) -> Option<Self> {
         if self.flags & LOW_LATENCY != 0 {
             return None;
@@ -130,13 +131,13 @@ impl SerialInfo {
     }
 }
 
-/// Whether the driver says by `error` that it does not know what it was asked.
+/// Whether `error` means that the driver does not support the request.
 fn is_unknown(error: &io::Error) -> bool {
     let code = error.raw_os_error().map(Errno::from_raw_os_error);
     matches!(code, Some(Errno::NOTTY | Errno::INVAL | Errno::OPNOTSUPP | Errno::NOSYS))
 }
 
-/// What is wrong with how long the adapter behind `device` holds received bytes back; nothing if it is not known to.
+/// A warning if the adapter behind `device` is known to hold received bytes back for too long.
 pub(super) fn latency_remark(device: &Path) -> Option<String> {
     let file = Path::new("/sys/class/tty").join(device.file_name()?).join("device/latency_timer");
     latency_text(&std::fs::read_to_string(&file).ok()?, &file)

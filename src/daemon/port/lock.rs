@@ -1,7 +1,7 @@
-//! A lock file for each serial device, as terminal programs leave one: it names who uses the device.
+//! A lock file for each serial device, as terminal programs use it: it names the user of the device.
 //!
-//! `/run/lock/LCK..ttyUSB0` holds the number of the process, the program and the line. Programs that know only the
-//! number find it there; gateways go by a lock on the file itself, which ends with its holder, however that ends.
+//! `/run/lock/LCK..ttyUSB0` contains the process id, the program and the line. Other programs read only the process id;
+//! gateways rely on a lock on the file itself, which is released when its holder exits in any way.
 
 use rustix::fs::{FlockOperation, OFlags, flock};
 use std::fs::{File, OpenOptions};
@@ -10,16 +10,16 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What this program is called in its locks.
+/// The name of this program in its locks.
 const PROGRAM: &str = "vfd-gateway";
-/// More than any program writes into a lock file.
+/// Longest lock file that is read, in bytes; longer than any program writes.
 const TEXT_MAX: u64 = 128;
-/// How long whoever has just taken a lock has to write his name, at each attempt.
+/// How long a new holder of a lock has to write its name, at each attempt.
 const TO_BE_NAMED: Duration = Duration::from_millis(2);
-/// Attempts at a file that others remove at the same moment.
+/// Attempts to lock a file that others remove at the same moment.
 const ATTEMPTS: u32 = 4;
 
-/// A device that this process has for itself as long as this lives.
+/// Exclusive use of a device while this exists.
 #[derive(Debug)]
 pub(super) struct PortLock {
     /// Held for its lock.
@@ -27,7 +27,7 @@ pub(super) struct PortLock {
     path: PathBuf,
 }
 
-/// Somebody else has the device.
+/// Another process uses the device.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "in use by {holder} (lock file {}); stop it, or give this line a port of its own",
@@ -38,13 +38,13 @@ pub struct Held {
     path: PathBuf,
 }
 
-/// Locks `device`, which no symbolic link leads to, for `line`, in the first directory of `dirs` that can be written.
-/// Nothing if there is none: then the device is kept from others by the system alone, which names nobody.
+/// Locks `device`, a path without symbolic links, for `line`, in the first directory of `dirs` that can be written.
+/// `None` if there is none: then only the system keeps others from the device, without naming the holder.
 pub(super) fn lock(device: &Path, line: &str, dirs: &[PathBuf]) -> Result<Option<PortLock>, Held> {
     lock_waiting(device, line, dirs, &mut || std::thread::sleep(TO_BE_NAMED))
 }
 
-/// The same, with `wait` for as long as whoever has just taken the lock is not named.
+/// The same; calls `wait` while a new holder of the lock has not written its name yet.
 fn lock_waiting(device: &Path, line: &str, dirs: &[PathBuf], wait: &mut dyn FnMut()) -> Result<Option<PortLock>, Held> {
     for dir in dirs {
         let path = dir.join(file_name(device));
@@ -59,12 +59,12 @@ fn lock_waiting(device: &Path, line: &str, dirs: &[PathBuf], wait: &mut dyn FnMu
 
 impl Drop for PortLock {
     fn drop(&mut self) {
-        // Still locked, so nobody else has put one of his own there. Gone already is as good.
+        // Still locked, so it was not replaced by another process. It may be gone already.
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// `LCK..ttyUSB0`, `LCK..pts_3`: as terminal programs call it.
+/// `LCK..ttyUSB0`, `LCK..pts_3`: the names that terminal programs use.
 fn file_name(device: &Path) -> String {
     let name = device.strip_prefix("/dev").unwrap_or(device).to_string_lossy();
     format!("LCK..{}", name.trim_start_matches('/').replace('/', "_"))
@@ -75,7 +75,7 @@ enum Taken {
     Others(String),
 }
 
-/// Takes the lock at `path`, or says who has it. An error means that this place will not do.
+/// Takes the lock at `path`, or returns its holder. An error means that this directory cannot be used.
 fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
     let mut unnamed = false;
     for _ in 0..ATTEMPTS {
@@ -89,7 +89,7 @@ fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
             Err(rustix::io::Errno::WOULDBLOCK) if holder.process.is_some() => {
                 return Ok(Taken::Others(holder.named()));
             }
-            // Taken a moment ago: who has it is about to say so.
+            // Taken a moment ago: the holder is about to write its name.
             Err(rustix::io::Errno::WOULDBLOCK) => {
                 unnamed = true;
                 wait();
@@ -100,7 +100,7 @@ fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
         if !is_at(&file, path)? {
             continue;
         }
-        // A gateway would hold the lock on the file; of other programs the number is all there is.
+        // A gateway would hold the lock on the file; other programs only leave their process id.
         if holder.program != PROGRAM && holder.is_alive() {
             return Ok(Taken::Others(holder.named()));
         }
@@ -119,8 +119,8 @@ fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
     }
 }
 
-/// Opens or makes the file at `path`; whether it can be written. Never through a link, and never waiting, whatever
-/// somebody has put there.
+/// Opens or creates the file at `path`, and returns whether it can be written. Never follows a link and never blocks,
+/// whatever exists there.
 fn open(path: &Path) -> io::Result<(File, bool)> {
     let flags = i32::try_from((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits()).unwrap_or(0);
     let options = |may_write: bool| {
@@ -138,18 +138,18 @@ fn open(path: &Path) -> io::Result<(File, bool)> {
     }
 }
 
-/// Whether `file` is still what stands at `path`: its holder removes it at the end.
+/// Whether `file` is still the file at `path`: its holder removes it at the end.
 fn is_at(file: &File, path: &Path) -> io::Result<bool> {
     let ours = file.metadata()?;
     Ok(std::fs::symlink_metadata(path).is_ok_and(|there| (there.dev(), there.ino()) == (ours.dev(), ours.ino())))
 }
 
-/// What a lock file says.
+/// The contents of a lock file.
 #[derive(Debug, PartialEq, Eq)]
 struct Holder {
     process: Option<u32>,
     program: String,
-    /// What the program adds: the line, the user.
+    /// Additional text of the program: the line, the user.
     more: String,
 }
 
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_lock_of_the_dead_is_taken_over() {
         let dir = Dir::new();
-        // No process has the number 0, and this one has let go of the file.
+        // No process has the id 0, and this one has released the file.
         for text in ["         0 minicom me\n", &format!("{:>10} vfd-gateway old\n", std::process::id()), "", "rubbish"]
         {
             std::fs::write(dir.file(), text).unwrap();

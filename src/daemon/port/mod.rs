@@ -16,22 +16,22 @@ use std::path::PathBuf;
 use std::task::{Context, Poll};
 use tcp::{Lookup, TcpPort};
 
-/// What is opened, and how.
+/// Which port is opened, and how.
 #[derive(Clone, Debug)]
 pub struct PortSettings {
-    /// Name of the line, for whoever finds its lock.
+    /// Name of the line, for its lock file.
     pub line: String,
     /// Where it is.
     pub address: PortAddress,
     /// Speed and character format.
     pub link: LinkSettings,
-    /// Who turns the direction.
+    /// What controls the direction.
     pub direction: DirectionControl,
-    /// Whether the driver is asked to hand over what it receives at once.
+    /// Whether the driver is asked to deliver received bytes at once.
     pub low_latency: bool,
-    /// Whether no serial device will do, because the silence is shorter than the models need.
+    /// Whether serial devices are refused, because the silence is shorter than the models need.
     pub needs_virtual: bool,
-    /// Directories for the lock file of a device; the first that can be written is taken.
+    /// Directories for the lock file of a device; the first that can be written is used.
     pub lock_dirs: Vec<PathBuf>,
 }
 
@@ -57,13 +57,13 @@ pub enum OpenError {
     /// The system refused.
     #[error("{0}")]
     Refused(tokio_serial::Error),
-    /// Something could not be asked of the device.
+    /// A setting of the device could not be read or written.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// Somebody else uses the device.
+    /// Another process uses the device.
     #[error("{0}")]
     Taken(#[from] lock::Held),
-    /// The device took other settings than it was given.
+    /// The device did not accept its settings.
     #[error("the device does not take {wanted}: it is set to {held}")]
     Settings {
         /// As configured.
@@ -71,7 +71,7 @@ pub enum OpenError {
         /// As read back.
         held: String,
     },
-    /// The driver cannot turn the direction as it is configured.
+    /// The driver cannot turn the direction as configured.
     #[error("{0}")]
     Direction(String),
     /// A shorter silence than the models need, on a serial device.
@@ -85,16 +85,16 @@ pub enum OpenError {
 }
 
 impl<'a> Opener<'a> {
-    /// Opens what `settings` describe.
+    /// An opener for the port that `settings` describe.
     #[must_use]
     pub fn new(settings: &'a PortSettings) -> Self {
         Self { settings, lookup: Lookup::default() }
     }
 
-    /// Opens the port. A device is there at once; a connection takes seconds at most, in which others are served.
+    /// Opens the port. A device is opened at once; connecting takes a few seconds at most, without blocking.
     ///
     /// # Errors
-    /// [`OpenError`] says what the system, the device or the configuration objects to.
+    /// [`OpenError`] if the system, the device or the configuration does not allow it.
     pub async fn open(&mut self) -> Result<Port, OpenError> {
         match &self.settings.address {
             PortAddress::Device(path) => Ok(Port::Serial(SerialPort::open(path, self.settings)?)),
@@ -104,7 +104,7 @@ impl<'a> Opener<'a> {
 }
 
 impl Port {
-    /// What it is.
+    /// Its kind.
     #[must_use]
     pub const fn kind(&self) -> PortKind {
         match self {
@@ -113,7 +113,7 @@ impl Port {
         }
     }
 
-    /// What whoever runs the gateway should know about this port.
+    /// Warnings about this port for the log.
     #[must_use]
     pub fn remark(&self) -> Option<&str> {
         match self {
@@ -122,8 +122,8 @@ impl Port {
         }
     }
 
-    /// Ready once something has come since the last time. Whoever is told reads with [`Port::read_now`] until
-    /// there is nothing more; what comes after that is told anew.
+    /// Ready once bytes have arrived since the last time. The caller then reads with [`Port::read_now`] until it is
+    /// empty; later bytes make it ready again.
     pub fn poll_readable(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         match self {
             Self::Serial(port) => port.poll_readable(cx),
@@ -131,8 +131,8 @@ impl Port {
         }
     }
 
-    /// Reads what is there this very moment, whatever the runtime has noticed so far; nothing if the line is
-    /// quiet. Zero bytes mean that the device is gone.
+    /// Reads the bytes that are available right now, whatever the runtime has noticed so far; `None` if there are none.
+    /// Zero bytes mean that the device is gone.
     ///
     /// # Errors
     /// As the device reports.
@@ -148,11 +148,11 @@ impl Port {
         }
     }
 
-    /// Hands a whole frame over. The longest frame is far smaller than any port's buffer, so one that
-    /// does not fit means that the device takes no bytes.
+    /// Writes a whole frame. The longest frame is far smaller than any port's buffer, so one that does not fit means
+    /// that the device accepts no bytes.
     ///
     /// # Errors
-    /// As the device reports; `WriteZero` if it took only a part.
+    /// As the device reports; `WriteZero` if it accepted only a part.
     pub fn write_frame(&mut self, frame: &[u8]) -> io::Result<()> {
         match self {
             Self::Serial(port) => port.write_frame(frame),
@@ -161,7 +161,7 @@ impl Port {
     }
 }
 
-/// Success if all of `frame` was taken.
+/// Success if all of `frame` was accepted.
 fn all_of(frame: &[u8], taken: usize) -> io::Result<()> {
     if taken == frame.len() { Ok(()) } else { Err(io::ErrorKind::WriteZero.into()) }
 }

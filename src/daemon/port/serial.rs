@@ -18,16 +18,15 @@ use tokio_serial::{ClearBuffer, DataBits, SerialPort as _, StopBits};
 
 /// Major device numbers of the slave sides of Unix 98 pseudo-terminals (Linux, Documentation/admin-guide/devices.txt).
 const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
-/// How much later than it was told a transmitter may begin: a USB adapter gets its bytes with the next frame of the bus.
+/// How much later than requested a transmitter may begin: a USB adapter gets its bytes with the next frame of the bus.
 const BEGINS_LATE_MAX: Duration = Duration::from_millis(1);
-/// How long a transmitter that should have sent everything is asked whether it has.
+/// How long a transmitter that should have finished is polled.
 const ENDS_LATE_MAX: Duration = Duration::from_millis(20);
 
 /// An open device.
 ///
-/// It is `tokio-serial`'s own foundation, `mio-serial`, registered with tokio for reading only. `tokio-serial`
-/// itself asks to be told of writing too, and each frame that goes out would wake the line thread twice for
-/// nothing.
+/// It is `tokio-serial`'s own foundation, `mio-serial`, registered with tokio for reading only. `tokio-serial` itself
+/// also registers for writing, and each sent frame would wake the line thread twice for nothing.
 #[derive(Debug)]
 pub struct SerialPort {
     stream: AsyncFd<SerialStream>,
@@ -35,15 +34,15 @@ pub struct SerialPort {
     link: LinkSettings,
     sets_rts: bool,
     remark: Option<String>,
-    /// Given back after the device is closed, which is why it stands behind it.
+    /// Declared after the device, so that it is released after the device is closed.
     _lock: Option<PortLock>,
 }
 
 impl SerialPort {
-    /// Opens the device at `path` for this process alone and reads its settings back.
+    /// Opens the device at `path` exclusively and reads its settings back.
     pub(super) fn open(path: &Path, settings: &PortSettings) -> Result<Self, OpenError> {
-        // Links are followed once, so that what is locked is what is opened, and anew each time: they lead elsewhere
-        // when an adapter comes back.
+        // Links are resolved once, so that the locked device is the opened one, and again at each attempt: they may
+        // change when an adapter is replugged.
         let device = path.canonicalize()?;
         let is_pty = is_pty(&device)?;
         if settings.needs_virtual && !is_pty {
@@ -111,7 +110,7 @@ impl SerialPort {
         self.stream.get_mut().read(buffer)
     }
 
-    /// Hands a whole frame over; where the gateway turns the direction, it returns when that is turned back.
+    /// Writes a whole frame; if the gateway turns the direction, it returns once that is turned back.
     pub(super) fn write_frame(&mut self, frame: &[u8]) -> io::Result<()> {
         if !self.sets_rts {
             return self.write(frame);
@@ -127,16 +126,16 @@ impl SerialPort {
         all_of(frame, taken)
     }
 
-    /// Waits until the last bit has left, which is computed to happen at `end`, and 20 ms longer at most. To do
-    /// something else meanwhile would be to let go of the line too late, on top of the reply; and while a frame goes
-    /// out there is nothing that could be sent or received.
+    /// Waits until the last bit is sent, which is expected at `end`, and at most 20 ms longer. Blocks on purpose: doing
+    /// other work meanwhile could release the line too late, on top of the reply, and while a frame is being sent
+    /// nothing else can be sent or received.
     fn wait_until_sent(&self, end: MonoTime) {
         std::thread::sleep(end.since(clock::now()));
         while clock::now() < end + ENDS_LATE_MAX {
             match sys::is_sent(self.fd()) {
                 Ok(true) => return,
                 Ok(false) => std::thread::yield_now(),
-                // A driver that does not tell.
+                // A driver that cannot tell.
                 Err(_) => return std::thread::sleep((end + BEGINS_LATE_MAX).since(clock::now())),
             }
         }
@@ -153,8 +152,8 @@ impl SerialPort {
 
 impl Drop for SerialPort {
     fn drop(&mut self) {
-        // What a device that takes no bytes still holds would keep its close waiting, for up to 30 s. One that is gone
-        // holds nothing.
+        // Unsent bytes in a device that accepts none would delay its close by up to 30 s. A device that is gone has
+        // none.
         let _ = self.stream.get_ref().clear(ClearBuffer::All);
     }
 }
@@ -165,8 +164,8 @@ fn is_pty(path: &Path) -> io::Result<bool> {
     Ok(metadata.file_type().is_char_device() && PTY_MAJORS.contains(&rustix::fs::major(metadata.rdev())))
 }
 
-/// Reads the settings back. A pseudo-terminal carries whole bytes without parity whatever it is told (Linux,
-/// `pty_set_termios`), and no character has a form there.
+/// Reads the settings back. A pseudo-terminal carries whole bytes without parity whatever is set (Linux,
+/// `pty_set_termios`), so the character format does not matter there.
 fn check_settings(stream: &SerialStream, wanted: LinkSettings, on_pty: bool) -> Result<(), OpenError> {
     let baud = stream.baud_rate().map_err(OpenError::Refused)?;
     let data_bits = stream.data_bits().map_err(OpenError::Refused)?;
@@ -236,7 +235,7 @@ mod tests {
             matches!(told, OpenError::Taken(_)) && told.to_string().contains("line hall-1 of this gateway"),
             "{told}"
         );
-        // Without a place for lock files it is the system that refuses.
+        // Without a directory for lock files the system refuses.
         let told = opened(&link, |it| it.lock_dirs = vec![PathBuf::from("/nonexistent")]).unwrap_err();
         assert!(matches!(told, OpenError::Refused(_)), "{told}");
         drop(first);

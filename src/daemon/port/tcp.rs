@@ -1,5 +1,4 @@
-//! The port of a line behind a serial device server: what it receives on the line comes over the connection, and the
-//! other way round.
+//! The port of a line behind a serial device server, which passes bytes between the line and the connection.
 
 use super::OpenError;
 use crate::config::ready::TCP_LATENESS;
@@ -12,13 +11,13 @@ use std::time::Duration;
 use tokio::io::unix::AsyncFd;
 use tokio::task::JoinHandle;
 
-/// Longest wait for the addresses of a name. One that is still being looked for then is found the next time.
+/// Longest wait for the addresses of a name. A lookup that takes longer continues, and its result is used next time.
 const LOOKUP_WITHIN: Duration = Duration::from_secs(2);
 /// Longest wait for a connection to one address: long enough for a lost first packet, which is repeated after 1 s.
 const CONNECT_WITHIN: Duration = Duration::from_secs(2);
-/// Addresses of one name that are tried.
+/// Most addresses of one name that are tried.
 const ADDRESSES_MAX: usize = 4;
-/// A connection over which nothing goes is probed after this time, and as often again.
+/// An idle connection is probed after this time, and at this interval.
 const KEEP_ALIVE: Duration = Duration::from_secs(2);
 /// Probes without an answer after which the peer is gone.
 const KEEP_ALIVE_PROBES: u32 = 3;
@@ -29,15 +28,15 @@ pub struct TcpPort {
     stream: AsyncFd<TcpStream>,
 }
 
-/// A search for the addresses of a name. The system's own blocks, for longer than anybody here may wait, so it runs
-/// beside the line thread: one at a time, however often the port is tried.
+/// A lookup of the addresses of a name. The system's lookup blocks for longer than the line thread may, so it runs on
+/// another thread: one at a time, however often the port is tried.
 #[derive(Debug, Default)]
 pub(super) struct Lookup {
     running: Option<JoinHandle<io::Result<Vec<SocketAddr>>>>,
 }
 
 impl TcpPort {
-    /// Connects to `host`. What the peer received on its line before that is not asked for.
+    /// Connects to `host`. Bytes that the peer received on its line before are not requested.
     pub(super) async fn open(host: &str, port: u16, lookup: &mut Lookup) -> Result<Self, OpenError> {
         let mut why = OpenError::NoConnection(format!("the name {host} has no address"));
         for address in lookup.addresses(host, port).await? {
@@ -55,14 +54,14 @@ impl TcpPort {
 
     fn new(stream: TcpStream) -> io::Result<Self> {
         stream.set_nodelay(true)?;
-        // A peer that vanished is noticed by what it does not acknowledge, and while nothing is sent by probes.
+        // A vanished peer is noticed by missing acknowledgements, and by probes while nothing is sent.
         let patience_ms = u32::try_from(TCP_LATENESS.as_millis()).unwrap_or(u32::MAX);
         sockopt::set_tcp_user_timeout(&stream, patience_ms)?;
         sockopt::set_socket_keepalive(&stream, true)?;
         sockopt::set_tcp_keepidle(&stream, KEEP_ALIVE)?;
         sockopt::set_tcp_keepintvl(&stream, KEEP_ALIVE)?;
         sockopt::set_tcp_keepcnt(&stream, KEEP_ALIVE_PROBES)?;
-        // What is still under way when the port is given up must not reach the line later.
+        // Bytes still under way when the port is given up must not reach the line later.
         sockopt::set_socket_linger(&stream, Some(Duration::ZERO))?;
         Ok(Self { stream: sys::readable(stream)? })
     }
@@ -137,7 +136,7 @@ mod tests {
     #[tokio::test]
     async fn bytes_go_both_ways_and_the_end_is_told() {
         for (bind, host) in [("127.0.0.1:0", "127.0.0.1"), ("127.0.0.1:0", "localhost"), ("[::1]:0", "::1")] {
-            // A machine without IPv6 has nothing to show here.
+            // Skipped on a machine without IPv6.
             let Ok(server) = TcpListener::bind(bind) else { continue };
             let mut port = opened(host, server.local_addr().unwrap().port()).await.unwrap();
             assert_eq!(port.kind(), PortKind::Virtual);

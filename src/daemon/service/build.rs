@@ -1,4 +1,4 @@
-//! From the configuration to what the line threads need.
+//! Builds from the configuration what the line threads need.
 
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
@@ -20,8 +20,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The pure side of a line, at a start of the gateway that no other start shares `first_epoch` with. Whether there is
-/// a journal: `keeps`. What that remembers is not known yet. Whether commands are taken already: `joins_late`.
+/// The core of a line. `first_epoch` must be different at each start of the gateway. `keeps` is whether there is a
+/// journal, whose remembered state is not known yet; `joins_late` whether commands are accepted already.
 #[must_use]
 pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool, joins_late: bool) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
@@ -38,7 +38,7 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool, joins_late
     }
 }
 
-/// How the journal of a gateway with a data directory is set up.
+/// The settings of the journal of a gateway with a data directory.
 #[must_use]
 pub fn journal(config: &Config) -> Option<journal::Settings> {
     let directory = config.gateway.data_dir.clone()?;
@@ -49,7 +49,7 @@ pub fn journal(config: &Config) -> Option<journal::Settings> {
     })
 }
 
-/// What lines and north sides share, with lines that nobody serves yet.
+/// What lines and north sides share, with lines that are not served yet.
 #[must_use]
 pub fn shared(config: &Config) -> Shared {
     let lines = (0..).zip(&config.lines).map(|(number, line)| Arc::new(shared_line(number, line)));
@@ -72,7 +72,7 @@ fn wiring(line: &LineSettings) -> Wiring {
     Wiring { port: line.port.to_string(), link: line.link, framing: line.framing, stations }
 }
 
-/// Values age by the period that an over-full line really keeps.
+/// Values age by the period that an overloaded line can actually keep.
 fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stretch: f64) -> DriveDescription {
     DriveDescription {
         place,
@@ -88,8 +88,8 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
     }
 }
 
-/// How the broker of `mqtt` is reached by the gateway called `name`, and what is said there, with its data in `data_dir`.
-/// `embedded` is where the embedded broker listens, if it is that one.
+/// The connection and session settings of the gateway called `name` for the broker of `mqtt`, with its data in
+/// `data_dir`. `embedded` is the address of the embedded broker, if that is used.
 ///
 /// # Errors
 /// The password cannot be read, or the TLS files cannot be used.
@@ -165,8 +165,8 @@ pub fn line_port(line: &LineSettings, data_dir: Option<&Path>) -> LinePort {
     }
 }
 
-/// Where the locks of serial devices are: where terminal programs look for them, else where a gateway without rights
-/// there may write.
+/// Directories for the locks of serial devices: where terminal programs look for them, then one that an unprivileged
+/// gateway may write.
 #[must_use]
 pub fn lock_dirs(data_dir: Option<&Path>) -> Vec<PathBuf> {
     let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_absolute());

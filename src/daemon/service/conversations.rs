@@ -1,4 +1,4 @@
-//! What is said to the broker: the conversation of the MQTT side, and beside it that of the Sparkplug side.
+//! The conversations with the broker: that of the MQTT side and that of the Sparkplug side.
 
 use crate::daemon::exchange::answers::AnswerBox;
 use crate::daemon::exchange::north_journal;
@@ -21,36 +21,36 @@ use std::time::Duration;
 use tokio::sync::{Notify, oneshot};
 use tokio::task::JoinHandle;
 
-/// Most time for the last words to the broker.
+/// Most time for the last messages to the broker.
 const FAREWELL_MAX: Duration = Duration::from_secs(2);
 
-/// Tickets of one conversation with a broker. None has as many.
+/// Tickets of one conversation with a broker; more than one can use.
 const TICKETS: u64 = 1 << 40;
 
-/// How the broker is reached and what is said there.
+/// Connection and session settings.
 pub type Mqtt = (ConnectionSettings, Settings);
 
-/// The same for Sparkplug, and where sessions are numbered.
+/// The same for Sparkplug, with the directory of the session number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sparkplug {
     /// How the broker is reached.
     pub connection: ConnectionSettings,
-    /// What is said there.
+    /// The settings of the session.
     pub settings: sparkplug::Settings,
     /// Where the number of the last session is kept.
     pub data_dir: PathBuf,
 }
 
-/// Everything that is said to the broker.
+/// The settings of all conversations with the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BrokerSide {
     /// The gateway's own topics.
     pub mqtt: Mqtt,
-    /// Sparkplug B; nothing: nothing is said of it.
+    /// Sparkplug B; `None` if it is not configured.
     pub sparkplug: Option<Sparkplug>,
 }
 
-/// All that is said to the broker.
+/// All conversations with the broker.
 #[derive(Debug)]
 pub struct Conversations {
     current: Current,
@@ -58,11 +58,11 @@ pub struct Conversations {
     state: Arc<State>,
     mqtt: Option<Conversation<Mqtt>>,
     sparkplug: Option<Conversation<Sparkplug>>,
-    /// How many ranges of tickets were given.
+    /// How many ranges of tickets were used.
     count: u64,
 }
 
-/// What is said to a broker.
+/// A conversation with a broker.
 #[derive(Debug)]
 struct Conversation<W> {
     with: W,
@@ -71,20 +71,20 @@ struct Conversation<W> {
 }
 
 impl Conversations {
-    /// Nothing is said yet. What the lines answer comes through `sides`, and `state` shows what is counted.
+    /// Starts without conversations. Answers of the lines arrive through `sides`, and `state` shows the counts.
     #[must_use]
     pub const fn new(current: Current, sides: NorthSides, state: Arc<State>) -> Self {
         Self { current, sides, state, mqtt: None, sparkplug: None, count: 0 }
     }
 
-    /// Whether this is what is said to the broker already.
+    /// Whether these are the settings of the present conversations.
     #[must_use]
     pub fn talks_as(&self, broker_side: Option<&BrokerSide>) -> bool {
         let (mqtt, sparkplug) = (broker_side.map(|it| &it.mqtt), broker_side.and_then(|it| it.sparkplug.as_ref()));
         with(self.mqtt.as_ref()) == mqtt && with(self.sparkplug.as_ref()) == sparkplug
     }
 
-    /// Says this to the broker from now on. What is said already goes on.
+    /// Changes the conversations to these settings. Unchanged ones continue.
     pub fn talk_as(&mut self, broker_side: Option<BrokerSide>) {
         let (mqtt, sparkplug) = broker_side.map_or((None, None), |it| (Some(it.mqtt), it.sparkplug));
         if with(self.mqtt.as_ref()) != mqtt.as_ref() {
@@ -127,7 +127,7 @@ impl Conversations {
         Ticket(self.count * TICKETS)
     }
 
-    /// Says goodbye to the broker, if there is one, and waits for that for a moment.
+    /// Ends the conversations with a farewell, and waits a moment for that.
     pub async fn farewell(self) {
         let end_mqtt = async {
             if let Some(conversation) = self.mqtt {
@@ -143,8 +143,8 @@ impl Conversations {
     }
 }
 
-/// Ends `before`, and begins anew as `with` says. The old words come first: the broker knows both by the same name. What is
-/// counted is in `shown` from now on, and the answers of the lines wait in `news`.
+/// Ends `before`, and begins a new conversation with the settings `with`. The old one ends first: the broker knows both
+/// by the same identifier. The counts are in `shown` from now on, and the answers of the lines wait in `news`.
 fn begun_anew<W: Clone + 'static, C: Default + 'static>(
     before: Option<Conversation<W>>,
     with: Option<W>,
@@ -174,14 +174,14 @@ fn begun_anew<W: Clone + 'static, C: Default + 'static>(
     Some(Conversation { with, stop, task })
 }
 
-/// With what a conversation is held.
+/// The settings of a conversation.
 fn with<W>(conversation: Option<&Conversation<W>>) -> Option<&W> {
     conversation.map(|conversation| &conversation.with)
 }
 
 impl<W> Conversation<W> {
     async fn end(self) {
-        // A task that has ended needs no stop.
+        // A task that has ended does not need a stop.
         let _ = self.stop.send(());
         let mut task = self.task;
         if tokio::time::timeout(FAREWELL_MAX, &mut task).await.is_err() {
@@ -194,7 +194,7 @@ impl<W> Conversation<W> {
 async fn speak<T: Talk>(connection: ConnectionSettings, speaker: T, changed: &Notify, stopped: oneshot::Receiver<()>) {
     let (speaker, counters) = (RefCell::new(speaker), Counters::default());
     let stop = async {
-        // A dropped sender means the end as well.
+        // A dropped sender also means the end.
         let _ = stopped.await;
     };
     mqtt::converse(connection, &speaker, changed, &counters, stop).await;

@@ -1,11 +1,11 @@
-//! The broker for trying out, which the gateway starts itself.
+//! The embedded broker, which the gateway starts itself.
 
 use crate::config::{Config, MqttSettings};
 use crate::daemon::mqtt::broker_child::BrokerChild;
 use crate::daemon::service::start_error::StartError;
 use std::net::{Ipv4Addr, SocketAddr};
 
-/// The embedded broker, if `config` wants it.
+/// The embedded broker, if `config` requests it.
 ///
 /// # Errors
 /// It does not start.
@@ -14,7 +14,7 @@ pub(super) fn embedded_broker(config: &Config) -> Result<Option<BrokerChild>, St
         return Ok(None);
     }
     let any = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    // The usual port if it is free, so that tools find it; else any.
+    // The default port if it is free, so that tools find it; otherwise any.
     let broker = BrokerChild::start(any(1883)).or_else(|_| BrokerChild::start(any(0)));
     broker.map(Some).map_err(StartError::Broker)
 }

@@ -1,5 +1,5 @@
-//! The gateway as a service: how it starts, what it builds from the configuration, how it reloads and ends, and what the
-//! service manager is told.
+//! The gateway as a service: start, building from the configuration, reload, shutdown, and notification of the service
+//! manager.
 
 pub mod build;
 pub mod conversations;

@@ -1,4 +1,4 @@
-//! The north sides of a running gateway: what listens, and who serves it.
+//! The north sides of a running gateway: its listeners and the tasks that serve them.
 
 use crate::config::change::Change;
 use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
@@ -26,40 +26,40 @@ use std::sync::Arc;
 use tokio::net::{TcpListener, TcpSocket, UnixStream};
 use tokio::task::AbortHandle;
 
-/// Connections that wait to be accepted: those of most of a second in a burst of 5000 a second. The system may grant fewer
+/// Connections that may wait to be accepted: most of a second of a burst of 5000 a second. The system may allow fewer
 /// (`net.core.somaxconn`).
 const BACKLOG: u32 = 4096;
 
-/// Addresses that are taken before anybody is served there.
+/// Listeners that are bound but not served yet.
 #[derive(Debug)]
 pub struct Bound {
-    /// In the order of the configuration; nothing where the socket is there already.
+    /// In the order of the configuration; `None` where the socket exists already.
     modbus: Vec<Option<TcpListener>>,
-    /// What has been read for those with TLS, in the same order.
+    /// The certificates of those with TLS, in the same order.
     security: Vec<Option<Security>>,
     http: Option<TcpListener>,
-    /// What the HTTP listener asks of whoever comes.
+    /// What the HTTP listener requires of clients.
     front: Front,
-    /// The HTTP listener is another one than before, or gone.
+    /// Whether the address of the HTTP listener has changed, or the listener was removed.
     has_http_moved: bool,
 }
 
 impl Bound {
-    /// The addresses that were taken: Modbus TCP in the order of the configuration, and HTTP.
+    /// The bound addresses: Modbus TCP in the order of the configuration, and HTTP.
     ///
     /// # Errors
-    /// The system's refusal to tell.
+    /// The system cannot report an address.
     pub fn addresses(&self) -> io::Result<(Vec<SocketAddr>, Option<SocketAddr>)> {
         let modbus = self.modbus.iter().flatten().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
         Ok((modbus, self.http.as_ref().map(TcpListener::local_addr).transpose()?))
     }
 }
 
-/// Takes all addresses of `config`, or none, and reads the certificates of all its listeners. Listeners that `kept` gives a place have theirs already, and HTTP if it has not
-/// moved.
+/// Binds all addresses of `config`, or none, and reads the certificates of all its listeners. Listeners with a place in
+/// `kept` are bound already, and HTTP if it has not moved.
 ///
 /// # Errors
-/// The first address that cannot be taken, or listener whose certificates cannot be used.
+/// The first address that cannot be bound, or listener whose certificates cannot be used.
 pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool) -> Result<Bound, StartError> {
     secret_files::warn(config);
     warn_of_bridges(config);
@@ -75,7 +75,7 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
     Ok(Bound { modbus, security: security(config).await?, http, front: front(config).await?, has_http_moved })
 }
 
-/// No address of `config`: only a tool of this process is served.
+/// Binds no address of `config`: only a tool of this process is served.
 #[must_use]
 pub fn unbound(config: &Config) -> Bound {
     let modbus = config.listeners.iter().map(|_| None).collect();
@@ -83,7 +83,7 @@ pub fn unbound(config: &Config) -> Bound {
     Bound { modbus, security, http: None, front: Front::default(), has_http_moved: false }
 }
 
-/// As `check` tells it too.
+/// The same warning as that of `check`.
 fn warn_of_bridges(config: &Config) {
     for listener in &config.listeners {
         for network in listener.bridges() {
@@ -92,7 +92,7 @@ fn warn_of_bridges(config: &Config) {
     }
 }
 
-/// Certificates are read beside the runtime: they may be on something slow.
+/// Certificates are read outside the runtime: their storage may be slow.
 async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> {
     let listeners = config.listeners.clone();
     let read = tokio::task::spawn_blocking(move || {
@@ -115,11 +115,11 @@ async fn front(config: &Config) -> Result<Front, StartError> {
     }
 }
 
-/// Connections inherit what is said of the buffer for what they send.
+/// Connections inherit the size of the send buffer.
 fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpListener, StartError> {
     let open = || {
         let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
-        // Connections of a gateway that has just ended do not keep the address.
+        // Connections of a gateway that has just exited do not block the address.
         socket.set_reuseaddr(true)?;
         send_buffer_bytes.map_or(Ok(()), |bytes| socket.set_send_buffer_size(bytes))?;
         socket.bind(address)?;
@@ -128,13 +128,13 @@ fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpList
     open().map_err(|error| StartError::Listen { address, error })
 }
 
-/// Connections that a tool makes to the gateway in its own process. They do not block.
+/// Connections of a tool to the gateway in its own process. They are non-blocking.
 pub type ToolConnections = tokio::sync::mpsc::Receiver<std::os::unix::net::UnixStream>;
 
-/// Connections of Modbus TCP unless listeners ask for more: they cost some 28 MB.
+/// Default limit of Modbus TCP connections, unless listeners request more: they cost some 28 MB.
 const PLACES_USUAL: usize = 10_240;
 
-/// The places for connections; what a listener wants beyond that is told.
+/// The places for connections; logged if listeners request more than that.
 fn places(config: &Config) -> usize {
     let wanted: usize = config.listeners.iter().filter_map(|it| it.connections_max).sum();
     let most = descriptors::room_for_connections().min(wanted.max(PLACES_USUAL));
@@ -168,7 +168,7 @@ struct Listening {
 }
 
 impl North {
-    /// Starts everything on the present [`LocalSet`](tokio::task::LocalSet); it ends with that.
+    /// Starts everything on the current [`LocalSet`](tokio::task::LocalSet); it ends with that.
     pub fn start(
         config: &Config,
         name: &Name,
@@ -231,7 +231,8 @@ impl North {
         });
     }
 
-    /// Serves `config` from now on; what is shared is that of it already. Sockets and connections that go on are not touched.
+    /// Serves `config` from now on; the shared state is switched already. Sockets and connections that continue are not
+    /// touched.
     pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, broker_side: Option<BrokerSide>) {
         self.units = self.units.changed_to(&self.current.get());
         self.listen(config, &change.listeners, bound);
@@ -277,13 +278,13 @@ impl North {
         Some(Listening { listener, task: tokio::task::spawn_local(serve).abort_handle() })
     }
 
-    /// Whether this is what is said to the broker already.
+    /// Whether these are the settings of the present conversations.
     #[must_use]
     pub fn talks_as(&self, broker_side: Option<&BrokerSide>) -> bool {
         self.conversations.talks_as(broker_side)
     }
 
-    /// Says goodbye to the broker, if there is one, and waits for that for a moment.
+    /// Ends the conversations with the broker, if there are any, and waits a moment for that.
     pub async fn farewell(self) {
         self.conversations.farewell().await;
     }

@@ -1,5 +1,5 @@
-//! What the service manager is told: ready, reloading, stopping, a short status, and signs of life. Without one nothing is
-//! said.
+//! Notifications to the service manager: ready, reloading, stopping, a short status, and heartbeats. Without a service
+//! manager nothing is sent.
 
 use crate::daemon::exchange::shared::{Current, SharedLine};
 use crate::domain::ids::Name;
@@ -10,34 +10,34 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, sleep_until};
 
-/// How often the status is looked at. It is sent when it has changed.
+/// How often the status is checked. It is sent when it has changed.
 const STATUS_EVERY: Duration = Duration::from_secs(5);
-/// How often the lines' threads are looked after where no service manager asks for signs of life: longer than a port may
-/// take to open.
+/// How often the lines' threads are checked if no service manager requires heartbeats: longer than a port may take to
+/// open.
 const FEEL_EVERY: Duration = Duration::from_secs(10);
 
-/// The gateway serves.
+/// Notifies that the gateway serves.
 pub fn ready(current: &Current) {
     say(&[NotifyState::Ready, NotifyState::Status(&status(current))]);
 }
 
-/// A reload begins; [`ready`] ends it.
+/// Notifies that a reload begins; [`ready`] ends it.
 pub fn reloading() {
     match NotifyState::monotonic_usec_now() {
         Ok(now) => say(&[NotifyState::Reloading, now, NotifyState::Status("reloading")]),
-        // The service manager would take the one without the other for a fault.
+        // The service manager would treat the one without the other as a fault.
         Err(error) => tracing::warn!(%error, "cannot notify the service manager of the reload"),
     }
 }
 
-/// The gateway ends.
+/// Notifies that the gateway shuts down.
 pub fn stopping() {
     say(&[NotifyState::Stopping, NotifyState::Status("shutting down: applying `on_shutdown` to each drive")]);
 }
 
-/// Looks whether the lines' threads come round, and gives signs of life at half of the time that the service manager
-/// grants as long as they do; tells the status. It runs where the north side runs: if that hangs, there are none. It never
-/// ends.
+/// Checks that the lines' threads make progress, and sends heartbeats at half of the service manager's time-out while
+/// they do; sends the status as well. It runs on the thread of the north side: if that hangs, no heartbeat is sent.
+/// Never returns.
 pub async fn watch(current: Current) {
     let granted = sd_notify::watchdog_enabled().filter(|time| !time.is_zero());
     let (mut pulse, mut told) = (Pulse::default(), String::new());
@@ -65,7 +65,7 @@ pub async fn watch(current: Current) {
     }
 }
 
-/// Gives signs of life without a look at the lines, as long as they end one after the other.
+/// Sends heartbeats without checking the lines, while these end one after the other.
 pub async fn keep_alive() {
     let Some(granted) = sd_notify::watchdog_enabled().filter(|time| !time.is_zero()) else { return };
     loop {
@@ -87,15 +87,16 @@ fn status(current: &Current) -> String {
     format!("{up} of {} lines up, {online} of {} drives online", shared.lines.len(), shared.drives.len())
 }
 
-/// Whether the threads of all lines come round.
+/// Whether the threads of all lines make progress.
 #[derive(Debug, Default)]
 struct Pulse {
-    /// The rounds of each line as of the last time, by its number.
+    /// The rounds of each line at the last check, by its number.
     rounds: HashMap<u16, u64>,
 }
 
 impl Pulse {
-    /// Has all threads come round, one that sleeps too, and finds the lines whose threads have not since the last time.
+    /// Wakes all threads, including sleeping ones, and finds the lines whose threads have made no round since the last
+    /// check.
     fn feel(&mut self, lines: &[Arc<SharedLine>]) -> Result<(), Vec<Name>> {
         let stands = |line: &&Arc<SharedLine>| self.rounds.get(&line.number) == Some(&line.rounds());
         let hung: Vec<_> = lines.iter().filter(stands).map(|line| line.name.clone()).collect();
@@ -127,7 +128,7 @@ mod tests {
         good.count_round();
         assert_eq!(pulse.feel(&lines), Err(vec![Name::new("bad").unwrap()]));
         assert_eq!((lines[0].hangs(), lines[1].hangs()), (false, true));
-        // A reload has put another in its place, which has its time.
+        // After a reload there is a new line in its place, which gets its full time.
         let lines = [good, line(3, "bad")];
         lines[0].count_round();
         assert_eq!(pulse.feel(&lines), Ok(()));

@@ -1,8 +1,7 @@
-//! One gateway for one data directory: a lock that ends with its process, however that ends.
+//! One gateway per data directory: a lock that is released when its process exits in any way.
 //!
-//! It is held twice. A lock on a file in the directory names its holder, and is seen by gateways in other containers that share
-//! the directory. A name in the system's own list of sockets needs no disk: it is there where the directory cannot be written,
-//! or is gone.
+//! It is held twice. A lock on a file in the directory names its holder, and works between containers that share the
+//! directory. An abstract socket name needs no disk: it works even if the directory cannot be written, or is gone.
 
 use ring::digest::{SHA256, digest};
 use rustix::fs::{Mode, fchmod};
@@ -20,16 +19,16 @@ use std::path::{Path, PathBuf};
 
 /// Name of the lock's file in the data directory.
 const FILE_NAME: &str = "vfd-gateway.lock";
-/// Most of it that is read: a process number and some.
+/// Most bytes of it that are read: a process id and a reserve.
 const HOLDER_BYTES_MAX: u64 = 32;
-/// Bytes of the path's digest in the name.
+/// Bytes of the path's digest in the socket name.
 const NAME_BYTES: usize = 16;
 
 /// Another gateway runs on this data directory.
 #[derive(Debug, thiserror::Error)]
 #[error("another gateway (process {holder}) is running on {}", directory.display())]
 pub struct AlreadyRunning {
-    /// Its process number, as far as it is known.
+    /// Its process id, as far as it is known.
     pub holder: String,
     /// The data directory.
     pub directory: PathBuf,
@@ -42,16 +41,16 @@ pub struct Lock {
     _name: Option<OwnedFd>,
 }
 
-/// Why a name is not ours.
+/// Why a socket name could not be taken.
 enum Refused {
     /// A process of the same user has it, or of root.
     Gateway(String),
-    /// It cannot be had, and nothing says that a gateway has it.
+    /// It cannot be taken, but there is no evidence of another gateway.
     Unknown(String),
 }
 
 impl Lock {
-    /// Takes the lock of `directory`, whether it can be written or not.
+    /// Takes the lock of `directory`, even if it cannot be written.
     ///
     /// # Errors
     /// Another gateway has it.
@@ -80,12 +79,12 @@ impl Lock {
     }
 }
 
-/// Locks the file at `path` and writes our process number into it, as far as it can be written. Or says who has it.
+/// Locks the file at `path` and writes our process id into it, if it can be written. Otherwise returns the holder.
 fn file(path: &Path) -> io::Result<Result<File, String>> {
     let mut options = OpenOptions::new();
-    // Whoever can open it can hold the lock, and so keep the gateway from starting.
+    // A process that can open it can hold the lock, and so keep the gateway from starting.
     let opened = options.read(true).write(true).create(true).truncate(false).mode(0o600).open(path);
-    // Where nothing can be written, one that is there can be locked all the same.
+    // If it cannot be written, an existing file can still be locked.
     let (mut file, is_ours_to_write) = match opened {
         Ok(file) => (file, true),
         Err(error) => (File::open(path).map_err(|_| error)?, false),
@@ -102,7 +101,7 @@ fn file(path: &Path) -> io::Result<Result<File, String>> {
 }
 
 fn sign(file: &mut File) -> io::Result<()> {
-    // An earlier gateway may have made it for everybody.
+    // An earlier gateway may have created it with wider permissions.
     fchmod(&*file, Mode::RUSR | Mode::WUSR)?;
     file.set_len(0)?;
     file.rewind()?;
@@ -116,10 +115,10 @@ fn holder(file: &mut File) -> String {
     if read.is_ok() && !number.is_empty() { number.to_owned() } else { "unknown".to_owned() }
 }
 
-/// A socket with the name of `directory` that nobody serves: it is there as long as this process is.
+/// A socket with a name derived from `directory` that is never served: it exists as long as this process.
 fn name(directory: &Path) -> Result<OwnedFd, Refused> {
     let unknown = |error: Errno| Refused::Unknown(io::Error::from(error).to_string());
-    // However it is written, and also where it is not there.
+    // Independent of how the path is written, and also if it does not exist.
     let place = directory.canonicalize().or_else(|_| std::path::absolute(directory));
     let place = place.unwrap_or_else(|_| directory.to_owned());
     let digest = digest(&SHA256, place.as_os_str().as_bytes());
@@ -132,7 +131,7 @@ fn name(directory: &Path) -> Result<OwnedFd, Refused> {
         Ok(()) => listen(&own, 1).map(|()| own).map_err(unknown),
         Err(Errno::ADDRINUSE) => {
             let other = socket()?;
-            // Any account of the host may take the name: such a one keeps no gateway from its drives.
+            // Any account of the host may take the name: another user must not keep the gateway from its drives.
             connect(&other, &address).map_err(unknown)?;
             let other = sockopt::socket_peercred(&other).map_err(unknown)?;
             let process = other.pid.as_raw_nonzero();
@@ -154,7 +153,7 @@ mod tests {
     fn a_lock_file_that_cannot_be_written_is_locked_all_the_same() {
         let directory = Dir::new();
         let path = directory.join(FILE_NAME);
-        // Nobody can write into it, not even root.
+        // No user can write into it, not even root.
         std::fs::create_dir(&path).unwrap();
         let first = file(&path).unwrap().unwrap();
         assert_eq!(file(&path).unwrap().unwrap_err(), "unknown", "nobody has signed it");

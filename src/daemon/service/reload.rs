@@ -1,7 +1,7 @@
-//! The configuration is taken anew while the gateway runs: whole, or not at all.
+//! Reloading the configuration while the gateway runs: completely, or not at all.
 //!
-//! Everything that can fail is done first: the file is loaded and checked, addresses are taken, secrets and certificates read,
-//! threads started. Then the drives whose lines end are looked at, and only then anything changes.
+//! Everything that can fail is done first: the file is loaded and checked, addresses are bound, secrets and
+//! certificates read, threads started. Then the drives of removed lines are checked, and only then anything changes.
 
 use crate::config::change::{Change, ChangeNote, ConfigPart};
 use crate::config::{Config, MqttSettings, Removal};
@@ -22,19 +22,19 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
-/// Most time for the journal to say what it remembers.
+/// Most time for the journal to return its remembered state.
 const MEMORY_WITHIN: Duration = Duration::from_secs(1);
 
 /// Most time for the files of the configuration to be read.
 const LOADED_WITHIN: Duration = Duration::from_secs(10);
 
-/// Loads the configuration, or tells all its problems, for people.
+/// Loads the configuration, or returns all its problems as text.
 pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
 
-/// Everything of a running gateway that a reload changes.
+/// The parts of a running gateway that a reload changes.
 #[derive(Debug)]
 pub struct Gateway {
-    /// What is in force.
+    /// The configuration in force.
     pub config: Config,
     /// Its name.
     pub name: Name,
@@ -48,12 +48,11 @@ pub struct Gateway {
     pub broker: Option<BrokerChild>,
     /// The journal, if there is one.
     pub journal: Option<Arc<Journal>>,
-    /// What loads the configuration.
+    /// Loads the configuration.
     pub loader: Loader,
 }
 
-/// Loads the configuration beside the runtime, since its files may be on something slow: one load at a time, and none is waited
-/// for without an end.
+/// Loads the configuration outside the runtime, since its storage may be slow: one load at a time, with a time limit.
 #[derive(Debug, Default)]
 pub struct Loader {
     running: Option<JoinHandle<Result<Config, String>>>,
@@ -66,7 +65,7 @@ impl Loader {
             Refusal::System(what)
         };
         if let Some(earlier) = &mut self.running {
-            // What it has read may be out of date by now.
+            // Its result may be out of date by now.
             let _ = timeout(within, earlier).await.map_err(|_| late())?;
             self.running = None;
         }
@@ -81,7 +80,7 @@ impl Loader {
     }
 }
 
-/// All that a new configuration needs, held ready. What is not used is given back when it is dropped.
+/// Everything that a new configuration needs, prepared. If it is not used, dropping it releases everything.
 struct Prepared {
     shared: Arc<Shared>,
     handles: Vec<LineHandle>,
@@ -91,10 +90,10 @@ struct Prepared {
 }
 
 impl Gateway {
-    /// Takes the configuration anew.
+    /// Reloads the configuration.
     ///
     /// # Errors
-    /// Why everything stays as it was; but drives that were to be stopped first may be.
+    /// Why nothing has changed; drives that were to be stopped first may have been stopped, though.
     pub async fn reload(&mut self, load: &Load) -> Reloaded {
         let new = self.loader.load(load, LOADED_WITHIN).await?;
         let change = Change::between(&self.config, &new);
@@ -139,7 +138,7 @@ impl Gateway {
         Ok(Prepared { shared, handles, bound, broker_side, broker })
     }
 
-    /// Secrets and certificates are read beside the runtime: they may be on something slow.
+    /// Secrets and certificates are read outside the runtime: their storage may be slow.
     async fn broker_side(
         &self,
         mqtt: MqttSettings,
@@ -153,13 +152,14 @@ impl Gateway {
         read.map_err(|error| Refusal::System(format!("mqtt: {error}")))
     }
 
-    /// The numbers of the lines that end.
+    /// The numbers of the removed lines.
     fn numbers(&self, change: &Change) -> Vec<u16> {
         let lines = &self.current.load().lines;
         change.ended.iter().filter_map(|at| lines.get(*at)).map(|line| line.number).collect()
     }
 
-    /// From here on nobody starts a drive whose line ends. If one is in use, it is stopped or everything stays.
+    /// From here on no drive of a removed line can be started. If one is in use, it is stopped or the reload is
+    /// refused.
     async fn have_leave(&self, ending: &[u16], removal: Removal) -> Result<(), Refusal> {
         let stops = removal == Removal::Stop;
         let names = self.lines.leave(ending, stops).await;
@@ -170,7 +170,7 @@ impl Gateway {
         Err(if stops { Refusal::NoEffect(names) } else { Refusal::InUse(names) })
     }
 
-    /// What the journal remembers by now of all drives.
+    /// The remembered state of all drives.
     async fn memory(&self) -> Memory {
         let Some(journal) = &self.journal else { return Memory::new() };
         let memory = journal.memory(MEMORY_WITHIN).await;
@@ -183,7 +183,7 @@ impl Gateway {
     /// Nothing here can fail.
     async fn switch(&mut self, new: Config, change: &Change, ending: &[u16], prepared: Prepared) {
         let Prepared { shared, handles, bound, broker_side, broker } = prepared;
-        // Before the new ones begin: they may have the same ports.
+        // Before the new ones begin: they may use the same ports.
         self.lines.end(ending).await;
         let changed = Arc::clone(&shared.changed);
         self.current.set(shared);

@@ -8,52 +8,52 @@ use tokio::sync::{mpsc, oneshot};
 /// Reloads that may wait; a person asks for one.
 const WAITING_MAX: usize = 4;
 
-/// What becomes of a reload.
+/// The outcome of a reload.
 pub type Reloaded = Result<Applied, Refusal>;
 
-/// A configuration that was taken anew.
+/// A configuration that was reloaded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Applied {
-    /// What is different.
+    /// What has changed.
     pub changes: Vec<ChangeNote>,
-    /// What of the file has no effect.
+    /// Parts of the file without effect.
     pub warnings: Vec<Problem>,
 }
 
-/// Why everything stays as it was.
+/// Why nothing has changed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// The file has problems.
     #[error("{0}")]
     Configuration(String),
-    /// Drives are in use that would be taken away.
+    /// Drives that would be removed are in use.
     #[error(
         "{} in use: stop what would be removed or have its line restarted, or set `on_removal = \"stop\"` in [gateway]",
         Named(.0)
     )]
     InUse(Vec<String>),
-    /// Drives were stopped before they would be taken away, and it shows no effect.
+    /// Drives were stopped before their removal, without effect so far.
     #[error("{} being stopped without effect so far: nothing is removed, and the stop continues", Named(.0))]
     NoEffect(Vec<String>),
     /// Only a restart changes this.
     #[error("{} cannot be changed while the gateway runs; restart it", .0.join(" and "))]
     NeedsRestart(Vec<&'static str>),
-    /// Something of the new configuration cannot be had.
+    /// A resource of the new configuration is not available.
     #[error("{0}")]
     System(String),
-    /// Others wait already.
+    /// Too many reloads are waiting.
     #[error("too many reloads are waiting already")]
     Busy,
-    /// The gateway has no file.
+    /// The gateway has no configuration file.
     #[error("this gateway runs without a configuration file")]
     NoFile,
-    /// The gateway ends.
+    /// The gateway shuts down.
     #[error("the gateway is ending")]
     Ending,
 }
 
 impl Refusal {
-    /// A word for programs.
+    /// A machine-readable word.
     #[must_use]
     pub const fn word(&self) -> &'static str {
         match self {
@@ -68,7 +68,7 @@ impl Refusal {
         }
     }
 
-    /// The drives that it is about.
+    /// The drives that it concerns.
     #[must_use]
     pub fn drives(&self) -> &[String] {
         match self {
@@ -88,22 +88,22 @@ impl fmt::Display for Named<'_> {
     }
 }
 
-/// The way to ask for a reload.
+/// A handle to request reloads.
 #[derive(Clone, Debug)]
 pub struct Reloads(mpsc::Sender<oneshot::Sender<Reloaded>>);
 
 impl Reloads {
-    /// The way, and its other end.
+    /// A handle, and the receiver of its requests.
     #[must_use]
     pub fn channel() -> (Self, mpsc::Receiver<oneshot::Sender<Reloaded>>) {
         let (ask, asked) = mpsc::channel(WAITING_MAX);
         (Self(ask), asked)
     }
 
-    /// Has the configuration taken anew, and waits for what becomes of that.
+    /// Requests a reload, and waits for the outcome.
     ///
     /// # Errors
-    /// Why everything stays as it was.
+    /// Why nothing has changed.
     pub async fn ask(&self) -> Reloaded {
         let (tell, told) = oneshot::channel();
         self.0.try_send(tell).map_err(|error| match error {

@@ -1,4 +1,4 @@
-//! The daemon: one thread per line, the north side on this one, until it is told to end.
+//! The daemon: one thread per line, the north side on this one, until shutdown.
 
 use crate::config::Config;
 use crate::daemon::exchange::bell::Bell;
@@ -32,17 +32,17 @@ use tokio::task::LocalSet;
 
 /// Most time for the journal's last rows.
 const JOURNAL_MAX: Duration = Duration::from_secs(2);
-/// Most threads that read files, look up names and compare passwords beside the runtime: each keeps some memory.
+/// Most threads for blocking work (files, name lookups, passwords): each keeps some memory.
 const BESIDE_THREADS_MAX: usize = 16;
-/// Most time for what reads files or looks up names beside the runtime: it may hang, and ends with the process.
+/// Most time at shutdown for blocking work that is still running: it may hang, and ends with the process.
 const BESIDE_MAX: Duration = Duration::from_secs(1);
 
-/// What a running gateway shows to the one who started it.
+/// What a running gateway reveals to its caller.
 #[derive(Debug)]
 pub struct Running<'a> {
     /// The gateway's name.
     pub name: &'a Name,
-    /// The addresses on which Modbus TCP is really listened to, in the order of the configuration.
+    /// The actual addresses of the Modbus TCP listeners, in the order of the configuration.
     pub listening: Vec<SocketAddr>,
     /// The address of the HTTP side, if there is one.
     pub http: Option<SocketAddr>,
@@ -60,11 +60,11 @@ impl Running<'_> {
     }
 }
 
-/// Runs the gateway of `config` until `until` is over. It is given what is running once everything listens. On SIGHUP, and
-/// when a tool asks for it, `load` gives the configuration anew, if there is one.
+/// Runs the gateway of `config` until `until` returns, which is called once everything listens. On
+/// SIGHUP, and on request of a tool, `load` loads the configuration again, if given.
 ///
-/// At the end each drive under control gets its declared action first, then the north sides end. A second signal ends the
-/// wait for the effect.
+/// At shutdown each drive under control gets its declared action first, then the north sides end. A second signal ends
+/// the wait for the effect.
 ///
 /// # Errors
 /// [`StartError`]; nothing keeps running then.
@@ -75,8 +75,8 @@ where
     run_for(config, load, None, until)
 }
 
-/// Runs the gateway of `config` for a tool of this process, until `until` is over. It listens nowhere: the tool commands
-/// over `connections` with what the first listener of `config` grants to this host.
+/// Runs the gateway of `config` for a tool of this process, until `until` returns. It does not listen:
+/// the tool commands over `connections` with the rights that the first listener of `config` grants to this host.
 ///
 /// # Errors
 /// [`StartError`]; nothing keeps running then.
@@ -117,7 +117,7 @@ where
 
 type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 
-/// Takes all that the gateway needs, and begins.
+/// Acquires everything that the gateway needs, and starts it.
 async fn start(
     config: &Config,
     reloads: Option<Reloads>,
@@ -156,12 +156,12 @@ async fn start(
 
 async fn reload_on_hangup(mut hangup: Signal, reloads: Reloads) {
     while hangup.recv().await.is_some() {
-        // What becomes of it stands in the log.
+        // The outcome is logged.
         let _ = reloads.ask().await;
     }
 }
 
-/// Reloads when that is asked for, until `until` is over.
+/// Handles requests to reload until `until` completes.
 async fn serve(
     gateway: &mut Gateway,
     load: Option<&Load>,
@@ -190,12 +190,12 @@ async fn serve(
             }
         }
         notify::ready(&gateway.current);
-        // Whoever has asked may be gone.
+        // The requester may be gone.
         let _ = tell.send(done);
     }
 }
 
-/// What of the configuration has no effect stands in the log.
+/// Logs parts of the configuration without effect.
 fn warn_of(warnings: &[Problem]) {
     for warning in warnings {
         let right = warning.right.as_deref().unwrap_or_default();
@@ -210,8 +210,8 @@ async fn reload(gateway: &mut Gateway, load: Option<&Load>) -> Reloaded {
     }
 }
 
-/// The declared actions, the last words to the broker, and the end of the lines, which serve stops until then. A second
-/// signal cuts the waits short.
+/// Shuts down: the declared actions, the last messages to the broker, and the end of the lines, which serve stops until
+/// then. A second signal cuts the waits short.
 async fn end(gateway: Gateway) -> Lines {
     notify::stopping();
     let alive = tokio::task::spawn_local(notify::keep_alive());
@@ -220,7 +220,7 @@ async fn end(gateway: Gateway) -> Lines {
     let again = async {
         match told_to_end() {
             Ok(again) => again.await,
-            // Without it there is nothing to hear.
+            // Without the handler no signal is received.
             Err(_) => std::future::pending().await,
         }
     };
@@ -232,7 +232,7 @@ async fn end(gateway: Gateway) -> Lines {
     if is_hurried {
         tracing::warn!("second signal: no longer waiting for sent stops");
         lines.hurry();
-        // The broker tells by itself that the connection broke.
+        // The broker publishes the will when the connection breaks.
         lines.rested().await;
     } else {
         tokio::select! {
@@ -249,8 +249,8 @@ async fn end(gateway: Gateway) -> Lines {
     lines
 }
 
-/// Catches SIGINT and SIGTERM from now on, and waits for the first of them. It is called on a runtime, before
-/// the first sign of life: whoever sees that may send a signal at once.
+/// Handles SIGINT and SIGTERM from now on; the future waits for the first of them. Must be called on a runtime, before
+/// the first output: a parent process that sees that may send a signal at once.
 ///
 /// # Errors
 /// The system's refusal to install the handlers.
@@ -265,7 +265,7 @@ pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
     })
 }
 
-/// The gateway's name: as configured, or the host's, as far as it fits into a topic.
+/// The gateway's name: as configured, or the host's as far as it is valid in a topic.
 fn name_of(config: &Config) -> Name {
     let host = || {
         let host = uname().nodename().to_string_lossy().into_owned();
@@ -276,7 +276,7 @@ fn name_of(config: &Config) -> Name {
     config.gateway.name.clone().or_else(host).unwrap_or_else(Name::fallback)
 }
 
-/// `sides` with the journal, if there is a data directory, and what it remembers of the drives.
+/// `sides` with the journal, if there is a data directory, and the remembered state of the drives.
 fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Bell>) -> io::Result<(NorthSides, Memory)> {
     let Some(settings) = build::journal(config) else { return Ok((sides, Memory::new())) };
     let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(changed))?;

@@ -1,20 +1,20 @@
-//! Whether this process stood still: it was stopped, or its machine was suspended.
+//! Detects that this process did not run for a while: it was stopped, or the machine was suspended.
 //!
-//! What came meanwhile waited in sockets, and whoever sent it has long given it up: only a stop counts at any age.
+//! What arrived meanwhile waited in sockets, and its senders have long given up: only a stop is valid at any age.
 
 use crate::daemon::host::clock;
 use crate::domain::time::MonoTime;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// How often the clock is looked at by whoever waits.
+/// How often a waiting task reads the clock.
 pub const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// A busy machine does not let anybody wait so long for a turn.
+/// Even a busy machine does not delay a turn for this long.
 const STALLED_AFTER: Duration = Duration::from_secs(1);
-/// So long after a stall what came meanwhile is being read.
+/// For this long after a stall, what arrived meanwhile is still being read.
 const READ_WITHIN: Duration = Duration::from_secs(1);
 
-/// The turns of somebody who waits again and again.
+/// The turns of a task that waits repeatedly.
 #[derive(Debug)]
 pub struct Turns(MonoTime);
 
@@ -24,14 +24,14 @@ impl Turns {
         Self(now)
     }
 
-    /// Another turn. Says how long ago the one before was, if that is too long.
+    /// Notes another turn. Returns the time since the one before, if that is too long.
     pub fn turn(&mut self, now: MonoTime) -> Option<Duration> {
         let stood = now.since(std::mem::replace(&mut self.0, now));
         (stood >= STALLED_AFTER).then_some(stood)
     }
 }
 
-/// The last stall, for all who serve connections. Until somebody watches there is none.
+/// The last stall, for all tasks that serve connections. Without [`watch`](Self::watch) none is found.
 #[derive(Debug, Default)]
 pub struct Stalls(Mutex<Seen>);
 
@@ -43,7 +43,7 @@ struct Seen {
 }
 
 impl Stalls {
-    /// One that has just ended, however long a test takes.
+    /// A stall that has just ended, however long a test takes.
     #[cfg(test)]
     pub fn just_ended() -> Self {
         Self(Mutex::new(Seen { turns: None, ended: Some(clock::now() + Duration::from_secs(3600)) }))
@@ -58,12 +58,12 @@ impl Stalls {
         }
     }
 
-    /// Whether what is read `now` may have waited for the end of a stall, where nothing was left to read at `emptied`.
+    /// Whether what is read `now` may have waited for the end of a stall, if the socket was read empty at `emptied`.
     pub fn may_have_waited(&self, now: MonoTime, emptied: MonoTime) -> bool {
         self.look(now).is_some_and(|ended| emptied < ended && now.since(ended) < READ_WITHIN)
     }
 
-    /// Whoever looks first after a stall sees it. Returns when the last one was over.
+    /// The first call after a stall finds it. Returns when the last one was over.
     fn look(&self, now: MonoTime) -> Option<MonoTime> {
         let mut seen = self.lock();
         if let Some(stood) = seen.turns.as_mut().and_then(|turns| turns.turn(now)) {

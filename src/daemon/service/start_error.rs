@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 /// Why the daemon could not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// A listener's address could not be taken.
+    /// A listener's address could not be bound.
     #[error("cannot listen on {address}: {error}")]
     Listen {
         /// As configured.
@@ -20,7 +20,7 @@ pub enum StartError {
     ModbusTls {
         /// The listener, as configured.
         address: SocketAddr,
-        /// All that is wrong with its files.
+        /// Everything that is wrong with its files.
         what: String,
     },
     /// The users or the certificate of the HTTP listener cannot be used.
@@ -29,7 +29,7 @@ pub enum StartError {
     /// Another gateway runs on the same data directory.
     #[error(transparent)]
     AlreadyRunning(#[from] AlreadyRunning),
-    /// The broker for trying out does not start.
+    /// The embedded broker does not start.
     #[error("the embedded broker does not start: {0}")]
     Broker(io::Error),
     /// A password or a certificate cannot be used.

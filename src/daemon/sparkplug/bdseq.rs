@@ -1,7 +1,7 @@
-//! The number of each connection, `bdSeq`: it rises by one with every CONNECT, 0 behind 255, also over restarts.
+//! The number of each connection, `bdSeq`: it increases by one with every CONNECT, from 255 to 0, also across restarts.
 //!
-//! A number is on the disk before the CONNECT that carries it leaves. Otherwise a gateway that loses power could connect
-//! twice with the same number, and a late NDEATH of the first connection would bury the second.
+//! A number is on the disk before the CONNECT that carries it leaves. Otherwise a gateway that loses power could
+//! connect twice with the same number, and a late NDEATH of the first connection would mark the second as dead.
 
 use crate::daemon::host::user_files;
 use crate::daemon::mqtt::Chore;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The file, in the data directory.
 const FILE_NAME: &str = "sparkplug-bdseq";
-/// Most bytes of it.
+/// Maximum size of the file in bytes.
 const BYTES_MAX: u64 = 64;
 
 /// Numbers connections.
@@ -19,12 +19,12 @@ const BYTES_MAX: u64 = 64;
 pub struct BdSeq {
     file: PathBuf,
     last: Option<u8>,
-    /// No CONNECT with the last number has left.
+    /// No CONNECT with the last number was sent.
     is_spare: bool,
 }
 
 impl BdSeq {
-    /// Goes on from what is kept in `data_dir`. It reads a file.
+    /// Continues from the number stored in `data_dir`. Reads a file.
     #[must_use]
     pub fn read(data_dir: &Path) -> Self {
         let file = data_dir.join(FILE_NAME);
@@ -45,7 +45,7 @@ impl BdSeq {
         Self { file, last, is_spare: false }
     }
 
-    /// The number of the next connection, and what is to be done before it begins.
+    /// The number of the next connection, and blocking work to be done before it begins.
     pub fn begin(&mut self) -> (u8, Option<Chore>) {
         if let (true, Some(last)) = (std::mem::take(&mut self.is_spare), self.last) {
             return (last, None);
@@ -55,20 +55,20 @@ impl BdSeq {
         let file = self.file.clone();
         let chore = move || {
             if let Err(error) = keep(&file, number) {
-                // A gateway that says nothing to its host would be worse than one that may say a number twice.
+                // A gateway without a connection to its host would be worse than one that may reuse a number.
                 tracing::error!(file = %file.display(), %error, "cannot save the session number; it may be used again after a restart");
             }
         };
         (number, Some(Box::new(chore)))
     }
 
-    /// No CONNECT with the last number has left, so that it is used for the next.
+    /// No CONNECT with the last number was sent, so it is used for the next.
     pub const fn unsent(&mut self) {
         self.is_spare = true;
     }
 }
 
-/// Puts a whole file in the place of the old one: whatever happens, one of both is there.
+/// Replaces the file atomically: whatever happens, the old or the new one is there.
 fn keep(file: &Path, number: u8) -> io::Result<()> {
     let new = file.with_extension("new");
     let mut written = File::create(&new)?;

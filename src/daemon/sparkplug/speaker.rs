@@ -1,4 +1,4 @@
-//! The Sparkplug session with everything it looks at: pictures, lines, answers.
+//! The Sparkplug session with everything it reads: views, lines, answers.
 
 use super::BdSeq;
 use crate::daemon::exchange::answers::{AnswerBox, News};
@@ -18,36 +18,36 @@ use crate::north::clock::Moment;
 use crate::north::sparkplug::{Act, Session, Settings};
 use std::sync::Arc;
 
-/// What the speaker hears from and tells to.
+/// What the speaker is connected to.
 #[derive(Debug)]
 pub struct Sides {
     /// The drives and lines.
     pub current: Current,
-    /// What the lines answer.
+    /// The answers of the lines.
     pub news: Arc<AnswerBox>,
-    /// Who shows what was counted.
+    /// Where the counts are published.
     pub totals: Arc<SparkplugTotals>,
-    /// Where what no line sees is kept.
+    /// Where attempts that reach no line are kept.
     pub journal: Journal,
 }
 
-/// Talks for the gateway as an edge node.
+/// The gateway's side of the conversation, as an edge node.
 #[derive(Debug)]
 pub struct Speaker {
     session: Session,
     bdseq: BdSeq,
     sides: Sides,
-    /// What the session speaks of.
+    /// The drives and lines of the session.
     shared: Arc<Shared>,
-    /// The pictures as of the last look, in the order of [`Shared::drives`].
+    /// The views as of the last look, in the order of [`Shared::drives`].
     views: Vec<Arc<DriveView>>,
     lines: Vec<LineState>,
     batch: Vec<News>,
 }
 
 impl Speaker {
-    /// Speaks for the drives and lines of `sides`; connections are numbered by `bdseq`. Tickets count on from
-    /// `first_ticket`, so that no answer to somebody who spoke before is taken for one to this session.
+    /// Serves the drives and lines of `sides`; connections are numbered by `bdseq`. Tickets start at `first_ticket`, so
+    /// that no answer to an earlier session is taken for one to this session.
     #[must_use]
     pub fn new(settings: Settings, bdseq: BdSeq, sides: Sides, first_ticket: Ticket, at: Moment) -> Self {
         let shared = sides.current.get();
@@ -55,7 +55,7 @@ impl Speaker {
         session.count_tickets_from(first_ticket);
         let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
         let mut speaker = Self { session, bdseq, sides, shared, views, lines, batch };
-        // The first birth may come before anything changes.
+        // The first birth may be sent before anything changes.
         speaker.look_at_views();
         speaker
     }
@@ -69,7 +69,7 @@ impl Speaker {
         }
     }
 
-    /// Speaks of other drives from now on, if the configuration has changed.
+    /// Follows a change of the configuration.
     fn follow(&mut self) {
         if Arc::ptr_eq(&self.sides.current.load(), &self.shared) {
             return;
@@ -93,13 +93,13 @@ impl Speaker {
         let line = |line: &Arc<SharedLine>| LineState {
             name: line.name.clone(),
             report: line.report(),
-            // Nothing of them is told.
+            // Nothing of them is published.
             stations: Vec::new(),
         };
         self.lines.extend(self.shared.lines.iter().map(line));
     }
 
-    /// Hands everything for the lines and the journal to them. It never waits for the broker.
+    /// Passes on everything for the lines and the journal. It never waits for the broker.
     fn pass_inward(&mut self) {
         let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {
@@ -196,7 +196,8 @@ impl Talk for Speaker {
         self.session.farewell(at)
     }
 
-    /// tck-id-payloads-ndeath-will-message-publisher-disconnect-mqtt50: NDEATH comes twice, with one number.
+    /// tck-id-payloads-ndeath-will-message-publisher-disconnect-mqtt50: NDEATH is published twice, with the same
+    /// number.
     fn leaves_will(&self) -> bool {
         true
     }

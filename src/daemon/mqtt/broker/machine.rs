@@ -39,7 +39,7 @@ pub struct Machine {
     pub(super) clients: HashMap<Arc<str>, SessionId>,
     pub(super) subscriptions: Tree,
     pub(super) retained: Retained,
-    /// Connections that have something to send, or end.
+    /// Connections that have bytes to send or are to be closed.
     pub(super) woken: BTreeSet<ConnectionId>,
     /// Dropped messages of sessions that have ended, by client.
     pub(super) dropped: BTreeMap<Arc<str>, u64>,
@@ -206,7 +206,7 @@ impl Machine {
         }
     }
 
-    /// Connections that have something to send, or end.
+    /// Connections that have bytes to send or are to be closed.
     pub fn take_woken(&mut self) -> BTreeSet<ConnectionId> {
         std::mem::take(&mut self.woken)
     }
