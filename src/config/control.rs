@@ -163,7 +163,9 @@ pub fn why_not(model: &Model) -> Option<String> {
         return Some("its frequency command is not in Hz".to_owned());
     }
     if role(Role::OutputFrequency).is_none_or(|output| output.poll.is_none()) {
-        return Some("its description has no output frequency that is polled, to see that a stop takes effect".to_owned());
+        return Some(
+            "its description has no output frequency that is polled, to see that a stop takes effect".to_owned(),
+        );
     }
     None
 }
@@ -241,8 +243,8 @@ fn has(model: &Model, action: ControlAction) -> Has {
     }
 }
 
-/// Each action that the section relies on is supported, and proven or accepted. An acceptance without effect is a warning:
-/// the model may have proven the action since, and removing it changes nothing.
+/// Each action that the section relies on is supported, and proven or accepted. An acceptance without effect is a
+/// warning: the model may have proven the action since, and removing it changes nothing.
 fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, problems: &mut Vec<Problem>) {
     let reverse = file.directions.valid().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
     if let Some(Spanned { location, .. }) = reverse {

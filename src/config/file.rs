@@ -1,4 +1,4 @@
-//! The configuration as it is written: each value with its place, nothing filled in, nothing compared.
+//! The configuration as written: each value with its location, before defaults and cross-checks.
 
 use super::broker::Address;
 use super::ready::{PortAddress, Removal, Silence};
@@ -38,7 +38,7 @@ pub(super) struct GatewayFile {
 }
 
 impl GatewayFile {
-    /// What holds without the table.
+    /// The values without the table.
     pub const LEFT_OUT: Self = Self {
         name: OptionalKey::Absent,
         data_dir: OptionalKey::Absent,
@@ -78,7 +78,7 @@ pub(super) struct LineFile {
 }
 
 impl LineFile {
-    /// The line as a message calls it: by its name, or by its place while it has none.
+    /// The line's label in messages: its name, or its location if it has none.
     pub fn label(&self) -> String {
         match &self.name {
             Some(name) => format!("line `{}`", name.value),

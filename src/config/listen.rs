@@ -105,7 +105,8 @@ pub(super) fn guarded(
     }
 }
 
-/// Networks that may write can connect and may stop, networks with priority can connect, and `reads_renew` requires a right to write.
+/// Networks that may write can connect and may stop, networks with priority can connect, and `reads_renew` requires a
+/// right to write.
 fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     for list in [&listener.write, &listener.stop, &listener.priority].into_iter().filter_map(OptionalKey::valid) {
         for network in &list.value {

@@ -235,8 +235,8 @@ pub const BEHIND_A_BRIDGE: &str = "behind the bridge of a container every client
                                    host's network (--network host) and list the addresses of the clients";
 
 impl ListenerSettings {
-    /// The default networks of container bridges that its lists name: in a container behind such a bridge, all clients may
-    /// appear under its address, so that the list means every client.
+    /// The default networks of container bridges that its lists name: in a container behind such a bridge, all clients
+    /// may appear under its address, so that the list means every client.
     #[must_use]
     pub fn bridges(&self) -> BTreeSet<IpNet> {
         let lists = [self.allow.as_ref(), Some(&self.write), self.stop.as_ref()].into_iter().flatten().flatten();

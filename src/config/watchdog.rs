@@ -1,4 +1,4 @@
-//! What a control section says of the drive's own watchdog: whether there is one, and whether the times go together.
+//! Checks the settings of the drive's own watchdog in a control section: whether it is known, and whether the times fit.
 
 use super::file::{ControlFile, DriveFile};
 use super::line_plan;
@@ -8,13 +8,13 @@ use crate::profile::model::Model;
 use crate::toml_file::Spanned;
 use crate::toml_file::values::duration_text;
 
-/// Whoever relies on a watchdog has a model whose watchdog is known. A time that only limits how long it is waited for
-/// relies on none.
+/// Settings that rely on a watchdog require a model with a proven one. A time that only limits a wait does not rely on it,
+/// so it is merely without effect.
 pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Problem>) {
     let why = if model.watchdog.is_none() {
         Some(format!("no watchdog of its own is known for {}", model.id))
     } else if !model.watchdog_is_proven() {
-        Some(format!("the watchdog of {} is unproven, and nothing may rely on it", model.id))
+        Some(format!("the watchdog of {} is unproven and cannot be relied on", model.id))
     } else {
         None
     };
@@ -43,7 +43,7 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
     }
 }
 
-/// A watchdog is fed in time, whatever holds the frames to the drive up: those of `line` at `place`, as `drive` says it.
+/// The watchdog of `drive`, at index `location` of `line`, is fed in time whatever delays its frames.
 pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, location: usize, problems: &mut Vec<Problem>) {
     let written = drive.control.valid().and_then(|control| control.value.watchdog.valid());
     let (Some(Spanned { value: time, location: at }), Some(gap)) = (written, line_plan::longest_gap(line, location))
@@ -53,7 +53,7 @@ pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, location: usize, pr
     let least = gap * 2;
     if *time <= least {
         let what = format!(
-            "a watchdog of {} may stop the motor although all is well: its frames may be {:.1} s apart",
+            "a watchdog of {} may stop the motor without cause: its frames may be {:.1} s apart",
             duration_text(*time),
             gap.as_secs_f64()
         );

@@ -1,4 +1,4 @@
-//! The words of the configuration that no model file has: one table each, for reading and for showing.
+//! Words that only the configuration uses: one table each, for reading and printing.
 
 use super::ready::Removal;
 use crate::domain::command::Direction;
@@ -6,21 +6,21 @@ use crate::domain::control::{ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::north::mqtt::{LeaseMode, Tree};
 
-/// A way by which commands come.
+/// An interface that accepts commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// The broker of `[mqtt]`.
     Mqtt,
     /// The listeners of `[[modbus_tcp]]`.
     ModbusTcp,
-    /// The page of `[http]`, by those who are signed in there.
+    /// The page of `[http]`, for signed-in users.
     Page,
     /// Hosts of Sparkplug B, at the broker of `[mqtt]`.
     Sparkplug,
 }
 
 impl Way {
-    /// What it means that a drive takes commands by it.
+    /// Its meaning for a drive, for messages.
     pub const fn meaning(self) -> &'static str {
         match self {
             Self::Mqtt => "clients of the broker in `[mqtt]` command",
@@ -31,11 +31,11 @@ impl Way {
     }
 }
 
-/// Ways by which commands come.
+/// Interfaces that accept commands.
 pub const WAYS: [(&str, Way); 4] =
     [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp), ("page", Way::Page), ("sparkplug", Way::Sparkplug)];
 
-/// What a role of Modbus Security may do besides reading.
+/// A right of a Modbus Security role besides reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoleRight {
     /// Command and write.
@@ -45,7 +45,7 @@ pub enum RoleRight {
 }
 
 impl RoleRight {
-    /// What a role that has it may do.
+    /// Its meaning, for messages.
     pub const fn meaning(self) -> &'static str {
         match self {
             Self::Write => "starts, sets and writes",
@@ -60,7 +60,7 @@ pub const ROLE_RIGHTS: [(&str, RoleRight); 2] = [("write", RoleRight::Write), ("
 /// Directions.
 pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];
 
-/// What a direction in the list means.
+/// The meaning of a direction, for messages.
 pub(super) const fn of_direction(direction: Direction) -> &'static str {
     match direction {
         Direction::Forward => "the motor may run forward",
@@ -68,38 +68,38 @@ pub(super) const fn of_direction(direction: Direction) -> &'static str {
     }
 }
 
-/// Who turns the direction of an RS-485 adapter.
+/// What switches the direction of an RS-485 adapter.
 pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] =
     [("adapter", DirectionControl::Adapter), ("kernel", DirectionControl::Kernel), ("rts", DirectionControl::Rts)];
 
-/// What is done when nobody commands any more.
+/// Fail-safe actions.
 pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
     (FailSafe::Stop.word(), FailSafe::Stop),
     (FailSafe::Coast.word(), FailSafe::Coast),
     (FailSafe::Hold.word(), FailSafe::Hold),
 ];
 
-/// What happens to a motor.
+/// The effect of a fail-safe action, for messages.
 pub(super) const fn of_fail_safe(action: FailSafe) -> &'static str {
     match action {
         FailSafe::Stop => "the motor is stopped by its ramp",
-        FailSafe::Coast => "the output is cut off, the motor runs out",
-        FailSafe::Hold => "nothing is done: a motor that runs runs on",
+        FailSafe::Coast => "the output is cut off, the motor coasts",
+        FailSafe::Hold => "no action: a running motor keeps running",
     }
 }
 
-/// What happens to a motor that a reload would take away.
+/// The effect on a drive that a reload would remove, for messages.
 pub(super) const fn of_removal(removal: Removal) -> &'static str {
     match removal {
-        Removal::Refuse => "the reload is refused, the motor runs on",
+        Removal::Refuse => "the reload is refused, the motor keeps running",
         Removal::Stop => "the motor is stopped first",
     }
 }
 
-/// What a reload does about a drive in use that it would take away.
+/// Actions of a reload that would remove a drive in use.
 pub const REMOVALS: [(&str, Removal); 2] = [("refuse", Removal::Refuse), ("stop", Removal::Stop)];
 
-/// Actions that may rest on an unproven fact.
+/// Actions that may depend on an unproven fact.
 pub const ACTIONS: [(&str, ControlAction); 5] = [
     (ControlAction::Basic.word(), ControlAction::Basic),
     (ControlAction::Reverse.word(), ControlAction::Reverse),
@@ -108,7 +108,7 @@ pub const ACTIONS: [(&str, ControlAction); 5] = [
     (ControlAction::Release.word(), ControlAction::Release),
 ];
 
-/// What is used although it is not proven.
+/// The meaning of an unproven action, for messages.
 pub(super) const fn of_action(action: ControlAction) -> &'static str {
     match action {
         ControlAction::Basic => "stopping, running forward and setting the frequency",
@@ -119,7 +119,7 @@ pub(super) const fn of_action(action: ControlAction) -> &'static str {
     }
 }
 
-/// Parts of what is published over MQTT.
+/// Optional topics over MQTT.
 pub const TREES: [(&str, Tree); 5] = [
     (Tree::State.word(), Tree::State),
     (Tree::Values.word(), Tree::Values),
@@ -128,15 +128,15 @@ pub const TREES: [(&str, Tree); 5] = [
     (Tree::Info.word(), Tree::Info),
 ];
 
-/// Whether RUN over MQTT must say which stop it follows.
+/// Whether RUN over MQTT must state which stop it follows.
 pub(super) const COMMANDS: [(&str, bool); 2] = [("plain", false), ("strict", true)];
 
-/// What a RUN over MQTT needs.
+/// The requirement for RUN over MQTT, for messages.
 pub(super) const fn of_commands(is_strict: bool) -> &'static str {
     if is_strict { "RUN over MQTT only with `epoch` or `issued_at`" } else { "RUN over MQTT needs neither" }
 }
 
-/// Who commands.
+/// The meaning of a kind of ownership, for messages.
 pub(super) const fn of_ownership(ownership: Ownership) -> &'static str {
     match ownership {
         Ownership::One => "only who holds control commands",
@@ -144,16 +144,16 @@ pub(super) const fn of_ownership(ownership: Ownership) -> &'static str {
     }
 }
 
-/// What a lost commander is.
+/// The meaning of a kind of lease, for messages.
 pub(super) const fn of_lease(lease: LeaseMode) -> &'static str {
     match lease {
-        LeaseMode::Session => "control lasts as long as the way through the broker",
+        LeaseMode::Session => "control lasts as long as the path through the broker",
         LeaseMode::Explicit => "control lasts only as long as it is renewed",
     }
 }
 
-/// Who may command while somebody holds control.
+/// Who may command while a client holds control.
 pub const OWNERSHIPS: [(&str, Ownership); 2] = [("one", Ownership::One), ("any", Ownership::Any)];
 
-/// What keeps a lease of the MQTT side alive.
+/// What renews a lease over MQTT.
 pub const LEASES: [(&str, LeaseMode); 2] = [("session", LeaseMode::Session), ("explicit", LeaseMode::Explicit)];

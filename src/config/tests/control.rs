@@ -90,8 +90,8 @@ fn a_control_section_takes_what_is_written() {
     assert!(one_way.from_modbus_tcp && !one_way.from_mqtt);
 }
 
-const FAIL_SAFES: &str = "one of \"stop\" (the motor is stopped by its ramp), \"coast\" (the output is cut off, the motor runs \
-                          out), \"hold\" (nothing is done: a motor that runs runs on)";
+const FAIL_SAFES: &str = "one of \"stop\" (the motor is stopped by its ramp), \"coast\" (the output is cut off, the motor \
+                          coasts), \"hold\" (no action: a running motor keeps running)";
 
 #[test]
 fn what_must_be_chosen_has_no_default() {
@@ -294,7 +294,11 @@ fn control_needs_registers_to_command_by() {
             "unit = \"%\"\naccess = \"read-write\"".to_owned(),
             "its frequency command is not in Hz",
         ),
-        ("role = \"frequency-command\"\n", String::new(), "its description has no registers for run and frequency commands"),
+        (
+            "role = \"frequency-command\"\n",
+            String::new(),
+            "its description has no registers for run and frequency commands",
+        ),
     ] {
         let catalog = Catalog::from_texts([("acme-two.toml", with(acme, from, &to).as_str())]).unwrap();
         let found = load(&of_model("acme-two"), &catalog).unwrap_err();

@@ -239,7 +239,7 @@ fn times_and_versions_stay_in_their_range() {
         ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
         (
             "lease = 'sesion'",
-            "lease: `sesion` is not an allowed value; one of \"session\" (control lasts as long as the way through the broker), \
+            "lease: `sesion` is not an allowed value; one of \"session\" (control lasts as long as the path through the broker), \
              \"explicit\" (control lasts only as long as it is renewed)",
         ),
         ("brocker = 1", "brocker: unknown key `brocker`; `broker`"),

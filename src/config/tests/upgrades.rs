@@ -124,8 +124,8 @@ fn a_register_that_the_model_knows_by_now_stays_as_the_configuration_describes_i
 
 #[test]
 fn a_choice_that_moves_a_motor_is_never_guessed() {
-    let fail_safes = "one of \"stop\" (the motor is stopped by its ramp), \"coast\" (the output is cut off, the motor runs \
-                      out), \"hold\" (nothing is done: a motor that runs runs on)";
+    let fail_safes = "one of \"stop\" (the motor is stopped by its ramp), \"coast\" (the output is cut off, the motor \
+                      coasts), \"hold\" (no action: a running motor keeps running)";
     for (from, to, right) in [
         ("on_commander_lost = \"stop\"", "on_commander_lost = \"halt\"", fail_safes),
         ("on_shutdown = \"hold\"", "on_shutdown = \"holt\"", fail_safes),
@@ -133,7 +133,11 @@ fn a_choice_that_moves_a_motor_is_never_guessed() {
         ("on_shutdown = \"hold\"\n", "on_shutdown = \"hold\"\nownership = 'an'\n", "\"any\" (control passes"),
         ("on_shutdown = \"hold\"\n", "on_shutdown = \"hold\"\nlease = 'sesion'\n", "\"explicit\" (control lasts only"),
         ("on_shutdown = \"hold\"\n", "on_shutdown = \"hold\"\ncommands = 'plan'\n", "\"strict\" (RUN over MQTT only"),
-        ("[gateway]\n", "[gateway]\non_removal = 'stopp'\n", "\"refuse\" (the reload is refused, the motor runs on)"),
+        (
+            "[gateway]\n",
+            "[gateway]\non_removal = 'stopp'\n",
+            "\"refuse\" (the reload is refused, the motor keeps running)",
+        ),
         ("\"mqtt\", \"modbus-tcp\"]", "\"mqqt\", \"modbus-tcp\"]", "\"page\" (users of `[http]` command"),
     ] {
         let problems = load(&with(CONTROLLED, from, to), &catalog()).unwrap_err();

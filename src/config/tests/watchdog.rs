@@ -36,7 +36,7 @@ fn nothing_relies_on_a_watchdog_that_is_not_known() {
         assert_eq!(told("hyundai-n700", line), [none]);
         for unproven in ["frecon-fr500a", "teco-e510s"] {
             let what = format!(
-                "{AT}.{key}: {idle}the watchdog of {unproven} is unproven, and nothing may rely on it; leave it out"
+                "{AT}.{key}: {idle}the watchdog of {unproven} is unproven and cannot be relied on; leave it out"
             );
             assert_eq!(told(unproven, line).last(), Some(&what));
         }
@@ -55,7 +55,7 @@ fn its_time_fits_between_the_frames_and_the_lease() {
     };
     one("watchdog = '10050ms'", "cannot be set to 10050ms");
     one("watchdog = '26s'", "cannot be set to 26s");
-    one("watchdog = '500ms'", "may stop the motor although all is well");
+    one("watchdog = '500ms'", "may stop the motor without cause");
     let longer = told("teco-e510", "watchdog = '20s'\n").len();
     assert_eq!(longer, 0);
     let text = with(CONTROLLED, "lost_after = \"30s\"", "lost_after = '8s'");
