@@ -87,8 +87,10 @@ impl LocalSide {
     #[must_use]
     pub fn new(current: impl Into<Current>, reloads: Option<Reloads>) -> Self {
         let places = Arc::new(Semaphore::new(TOOLS_MAX));
-        let (last, waiting) = (AtomicU64::new(0), Mutex::default());
-        let (keeper, stalls) = (Keeper::default(), Arc::default());
+        let last = AtomicU64::new(0);
+        let waiting = Mutex::default();
+        let keeper = Keeper::default();
+        let stalls = Arc::default();
         Self { current: current.into(), reloads, keeper, last, waiting, places, stalls }
     }
 
@@ -199,8 +201,10 @@ impl LocalSide {
         }
         let start_before = now + COMMAND_DEADLINE;
         let request = |ticket| {
-            let (Who { asker, origin }, drive) = (who, place.drive);
-            let (issued, epoch) = (None, None);
+            let Who { asker, origin } = who;
+            let drive = place.drive;
+            let issued = None;
+            let epoch = None;
             Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch })
         };
         match self.put(place, COMMAND_WITHIN, request) {
@@ -212,13 +216,17 @@ impl LocalSide {
 
     /// Orders the drives at `places` to stop, all at once: each line finds its stops together.
     pub fn stop_all(&self, who: Who, places: &[DriveRef]) -> Vec<Ordered<'_>> {
-        let (start_before, order) = (clock::now() + COMMAND_DEADLINE, Order::Stop { setpoint: None });
+        let start_before = clock::now() + COMMAND_DEADLINE;
+        let order = Order::Stop { setpoint: None };
         let (commands, asked): (Vec<_>, Vec<_>) = places
             .iter()
             .map(|place| {
                 let (ticket, asked) = self.ask(COMMAND_WITHIN);
-                let (Who { asker, origin }, drive, order) = (who, place.drive, order.clone());
-                let (issued, epoch) = (None, None);
+                let Who { asker, origin } = who;
+                let drive = place.drive;
+                let order = order.clone();
+                let issued = None;
+                let epoch = None;
                 let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch };
                 ((*place, command), asked)
             })
@@ -255,7 +263,8 @@ impl LocalSide {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
-        let (waits, until) = (Waits { side: self, ticket }, Instant::now() + within);
+        let waits = Waits { side: self, ticket };
+        let until = Instant::now() + within;
         (ticket, LineRequest { answer, until, _waits: waits })
     }
 
@@ -331,7 +340,8 @@ mod tests {
         test: impl Future<Output = T>,
     ) -> T {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
-        let (answers, shared) = (Arc::<AnswerBox>::default(), side.shared());
+        let answers = Arc::<AnswerBox>::default();
+        let shared = side.shared();
         tokio::task::LocalSet::new().block_on(&runtime, async {
             tokio::task::spawn_local(Arc::clone(side).distribute(Arc::clone(&answers)));
             tokio::task::spawn_local(async move {

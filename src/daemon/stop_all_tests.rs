@@ -52,7 +52,9 @@ fn found(shared: &Shared, give: impl FnOnce()) -> usize {
 }
 
 fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Event<'a> {
-    let (retain, duplicate, expiry) = (false, false, None);
+    let retain = false;
+    let duplicate = false;
+    let expiry = None;
     Event::Message(Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None })
 }
 
@@ -66,7 +68,9 @@ fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
 fn by_way_of_mqtt() {
     let config = config();
     let ((_, settings), shared) = (broker_side(&config, &Dir::new()).mqtt, Arc::new(build::shared(&config)));
-    let (current, news, totals) = (Current::from(Arc::clone(&shared)), Arc::default(), Arc::default());
+    let current = Current::from(Arc::clone(&shared));
+    let news = Arc::default();
+    let totals = Arc::default();
     let mut speaker = Speaker::new(settings, current, news, totals, None, Ticket(1), clock::moment());
     let stop = message("vfd/plant/all/run/set", b"stop");
     assert_eq!(found(&shared, || speaker.handle(clock::moment(), stop)), DRIVES);
@@ -74,10 +78,13 @@ fn by_way_of_mqtt() {
 
 #[test]
 fn by_way_of_sparkplug() {
-    let (config, dir) = (config(), Dir::new());
+    let config = config();
+    let dir = Dir::new();
     let settings = broker_side(&config, &dir).sparkplug.unwrap().settings;
     let shared = Arc::new(build::shared(&config));
-    let (news, totals, journal) = (Arc::default(), Arc::default(), None);
+    let news = Arc::default();
+    let totals = Arc::default();
+    let journal = None;
     let sides = Sides { current: Current::from(Arc::clone(&shared)), news, totals, journal };
     let mut speaker = SparkplugSpeaker::new(settings, BdSeq::read(&dir), sides, Ticket(1), clock::moment());
     let value = Some(Value::Text("stop".to_owned()));

@@ -81,7 +81,8 @@ impl Answers {
         if self.held.is_empty() {
             return false;
         }
-        let (now, before) = (clock::now(), self.held.len());
+        let now = clock::now();
+        let before = self.held.len();
         let may_go = |held: &mut Held| held.origin.has_kept(held.row) || held.until <= now;
         self.ready.extend(self.held.extract_if(.., may_go).map(|held| held.news));
         self.held.len() < before

@@ -42,8 +42,12 @@ impl Board {
             let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
             LineRows::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
         });
-        let (is_watched, traffic) = (false, Vec::new());
-        let (modbus, mqtt, sparkplug, local) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let is_watched = false;
+        let traffic = Vec::new();
+        let modbus = Vec::new();
+        let mqtt = Vec::new();
+        let sparkplug = Vec::new();
+        let local = Vec::new();
         Self { line, changed, north, journal, is_watched, traffic, modbus, mqtt, sparkplug, local }
     }
 

@@ -196,7 +196,10 @@ mod tests {
     fn stop() -> Message {
         let origin = Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
         let ask = NativeAsk::Write { address: 2_u16.into(), values: vec![0] };
-        let (asker, ticket, drive, deadline) = (AskerId(1), Ticket(1), DriveIndex(0), MonoTime::NEVER);
+        let asker = AskerId(1);
+        let ticket = Ticket(1);
+        let drive = DriveIndex(0);
+        let deadline = MonoTime::NEVER;
         Message::NativeStop(NativeRequest { asker, ticket, drive, origin, ask, deadline })
     }
 
@@ -279,7 +282,8 @@ mod tests {
                     assert_eq!(inbox.put_together((0..TOGETHER).map(slow_stop)), [true; TOGETHER]);
                 }
             });
-            let (mut found, mut batch) = (0, Vec::new());
+            let mut found = 0;
+            let mut batch = Vec::new();
             while found < TIMES * TOGETHER {
                 inbox.take(&mut batch);
                 assert_eq!(batch.len() % TOGETHER, 0, "some of them only");

@@ -129,12 +129,16 @@ impl SharedLine {
     ) -> Self {
         let inbox = Arc::<Inbox>::default();
         let drive = |description| {
-            let (view, station) = (ArcSwap::default(), ArcSwap::default());
+            let view = ArcSwap::default();
+            let station = ArcSwap::default();
             Arc::new(SharedDrive { description, view, station, inbox: Arc::clone(&inbox) })
         };
         let drives = drives.into_iter().map(drive).collect();
-        let (report, rounds, hangs) = (Mutex::default(), AtomicU64::default(), AtomicBool::default());
-        let (wiring, traffic) = (Wiring::default(), Traffic::default());
+        let report = Mutex::default();
+        let rounds = AtomicU64::default();
+        let hangs = AtomicBool::default();
+        let wiring = Wiring::default();
+        let traffic = Traffic::default();
         Self { number, name, interface, wiring, inbox, drives, traffic, report, rounds, hangs }
     }
 

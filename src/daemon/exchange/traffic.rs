@@ -215,9 +215,11 @@ mod tests {
 
     #[test]
     fn a_line_is_watched_as_long_as_somebody_is_there_and_a_moment_longer() {
-        let (line, now) = (line(), MonoTime::from_millis(1_000));
+        let line = line();
+        let now = MonoTime::from_millis(1_000);
         assert!(!line.traffic.is_watched(MonoTime::ZERO));
-        let (first, second) = (listen(&line, None), listen(&line, None));
+        let first = listen(&line, None);
+        let second = listen(&line, None);
         drop(first);
         assert!(line.traffic.is_watched(MonoTime::from_millis(u64::MAX / 2_000_000)));
         drop(second);

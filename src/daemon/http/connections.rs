@@ -50,7 +50,8 @@ pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience
     // The semaphore is never closed, so there is always a place in the end.
     while let Ok(place) = Arc::clone(&places).acquire_owned().await {
         let (stream, _) = listener.accept().await;
-        let (router, lasting) = (router.clone(), Arc::clone(&lasting));
+        let router = router.clone();
+        let lasting = Arc::clone(&lasting);
         tokio::task::spawn_local(async move {
             converse(stream, router, patience, lasting).await;
             drop(place);

@@ -47,7 +47,9 @@ pub(super) async fn serve(
     (front, changed): (Arc<ArcSwap<Front>>, Arc<Notify>),
     patience: Patience,
 ) {
-    let (house, lasting, told) = (House::default(), lasting::places(), RateLimitedLog::default());
+    let house = House::default();
+    let lasting = lasting::places();
+    let told = RateLimitedLog::default();
     let places = &house.0;
     loop {
         let (stream, peer) = tokio::select! {
@@ -57,7 +59,8 @@ pub(super) async fn serve(
                 continue;
             }
         };
-        let (peer, front) = (peer.ip().to_canonical(), front.load());
+        let peer = peer.ip().to_canonical();
+        let front = front.load();
         if !front.allows(peer) {
             told.say(&format!("HTTP: refused {peer}: not in `allow`"));
             continue;
@@ -67,7 +70,8 @@ pub(super) async fn serve(
         let guest =
             Guest { router: TowerToHyperService::new(router.clone()), peer: Peer(peer), seat: Rc::clone(&seat) };
         let tls = front.tls().cloned();
-        let (number, is_encrypted) = (place.number, tls.is_some());
+        let number = place.number;
+        let is_encrypted = tls.is_some();
         let task = tokio::task::spawn_local(async move {
             receive(stream, tls, guest, (patience, life)).await;
             drop(place);
@@ -190,7 +194,8 @@ impl Service<Request<Incoming>> for Guest {
         request.extensions_mut().insert(self.peer);
         self.seat.is_asking.set(true);
         self.seat.seen.set(clock::now());
-        let (answer, seat) = (self.router.call(request), Rc::clone(&self.seat));
+        let answer = self.router.call(request);
+        let seat = Rc::clone(&self.seat);
         Box::pin(async move {
             let answer = answer.await;
             seat.is_asking.set(false);

@@ -50,7 +50,8 @@ fn line(line: &SharedLine) -> Value {
 }
 
 fn drive(drive: &SharedDrive) -> Value {
-    let (description, view) = (&drive.description, drive.view.load());
+    let description = &drive.description;
+    let view = drive.view.load();
     json!({
         "name": description.name.as_str(),
         "line": description.line.as_str(),

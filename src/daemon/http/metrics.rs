@@ -40,7 +40,8 @@ struct Scrape {
 
 impl Collector for Scrape {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
-        let (state, shared) = (&self.state, self.state.shared.get());
+        let state = &self.state;
+        let shared = self.state.shared.get();
         let version = vec![("version", env!("CARGO_PKG_VERSION")), ("gateway", &state.gateway)];
         gauges(&mut encoder, &table::BUILD, [(version, 1.0)])?;
         each(&mut encoder, table::GATEWAY, || [(Vec::new(), state.as_ref())])?;

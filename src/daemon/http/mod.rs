@@ -52,7 +52,8 @@ pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
 pub async fn serve(listener: TcpListener, documents: Documents, control: Arc<Control>) {
-    let (front, changed) = (Arc::clone(control.front()), Arc::clone(control.changed()));
+    let front = Arc::clone(control.front());
+    let changed = Arc::clone(control.changed());
     let router = routes::router(documents).merge(control::router(control));
     let router = router.layer(from_fn_with_state(large::Room::default(), large::look));
     let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));

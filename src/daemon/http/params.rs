@@ -36,7 +36,8 @@ pub(super) fn router() -> Router<Arc<LocalSide>> {
 /// The list of parameters. It requests nothing from the drive.
 async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
-    let (description, model) = (&drive.description, &*drive.description.model);
+    let description = &drive.description;
+    let model = &*drive.description.model;
     let shown = json!({
         "drive": description.name.as_str(),
         "line": description.line.as_str(),
@@ -139,8 +140,10 @@ fn no_parameter(name: &str, address: u16) -> Response {
 
 /// The old value is read first, because it is logged.
 async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, word: u16) -> Value {
-    let (description, model) = (&drive.description, &*drive.description.model);
-    let (name, place) = (description.name.as_str(), description.place);
+    let description = &drive.description;
+    let model = &*drive.description.model;
+    let name = description.name.as_str();
+    let place = description.place;
     let old = match side.read(place, address.into(), clock::now() + READ_WITHIN).await {
         Ok(old) => old,
         Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
@@ -150,7 +153,8 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, word: u16) -
     };
     let report = side.command(Who::TOOL, place, Order::Go(go)).await;
     let what = model.register_at(address).map_or("-", Register::label);
-    let (result, reason) = (report.outcome.word(), report.reason.word());
+    let result = report.outcome.word();
+    let reason = report.reason.word();
     tracing::info!(drive = name, by = %Owner::Local, what, old, new = word, outcome = result, reason, "parameter set");
     outcome(name, report, vec![json!({ "what": what, "address": address, "old": old, "new": word })])
 }

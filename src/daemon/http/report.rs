@@ -76,7 +76,8 @@ async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, u
     let gateway = &history.known;
     let find = || gateway.shared.get().lines.iter().find(|line| line.name.as_str() == name).cloned();
     let Some(line) = find() else {
-        let (known, error) = (line_names(gateway), format!("there is no line called {name}"));
+        let known = line_names(gateway);
+        let error = format!("there is no line called {name}");
         return (StatusCode::NOT_FOUND, json(&value!({ "error": error, "lines": known }))).into_response();
     };
     let Some(span) = span(uri.query()) else {

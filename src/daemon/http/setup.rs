@@ -21,7 +21,8 @@ pub(super) type Found = Result<u16, Report>;
 
 /// Reads what has to be set on `drive` and shows it.
 pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
-    let (description, model) = (&drive.description, &*drive.description.model);
+    let description = &drive.description;
+    let model = &*drive.description.model;
     let items: Vec<_> = concerned(side, drive).collect();
     let watchdog = model.watchdog.as_ref();
     let addresses = items.iter().filter_map(|item| item.address);
@@ -45,7 +46,8 @@ pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
 /// Sets the registers at `addresses` to what the model demands, and tells what became of it. What was there before is
 /// read first, because the log has to say it.
 pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Address>) -> Value {
-    let (name, place) = (&drive.description.name, drive.description.place);
+    let name = &drive.description.name;
+    let place = drive.description.place;
     let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
     if !addresses.iter().all(|address| items.iter().any(|item| item.address == Some(*address))) {
         return outcome(name.as_str(), Report::refused(Reason::NotCapable), Vec::new());
@@ -54,9 +56,11 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
     let report = side.command(Who::TOOL, place, Order::Setup(addresses)).await;
     let mut changes = Vec::with_capacity(items.len());
     for item in items {
-        let (what, new) = (item.what.as_str(), item.values.value.first().copied());
+        let what = item.what.as_str();
+        let new = item.values.value.first().copied();
         let old = old.iter().find(|(at, _)| Some(*at) == item.address).and_then(|(_, found)| found.as_ref().ok());
-        let (outcome, reason) = (report.outcome.word(), report.reason.word());
+        let outcome = report.outcome.word();
+        let reason = report.reason.word();
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
         changes.push(json!({ "what": what, "address": item.address.map(Address::number), "old": old, "new": new }));
     }

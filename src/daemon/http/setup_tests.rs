@@ -59,7 +59,9 @@ impl Drive {
                 }
                 self.orders.lock().unwrap().push(command.order);
                 let report = Report::new(Outcome::Confirmed, Reason::None);
-                let (asker, ticket, drive) = (command.asker, command.ticket, command.drive);
+                let asker = command.asker;
+                let ticket = command.ticket;
+                let drive = command.drive;
                 News::Command(CommandAnswer { asker, ticket, drive, report, is_final: true })
             }
             other => panic!("{other:?}"),
@@ -68,7 +70,9 @@ impl Drive {
 
     /// Answers on the line of `side` until the test is over.
     fn play(&self, side: &Arc<LocalSide>) {
-        let (answers, drive, side) = (Arc::<AnswerBox>::default(), self.clone(), Arc::clone(side));
+        let answers = Arc::<AnswerBox>::default();
+        let drive = self.clone();
+        let side = Arc::clone(side);
         tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
         tokio::task::spawn_local(async move {
             let mut batch = Vec::new();
@@ -186,7 +190,8 @@ fn a_drive_that_the_bus_overrules_says_so() {
 
 #[test]
 fn exactly_what_is_named_is_ordered_and_told_with_old_and_new() {
-    let (side, drive) = (side(Interface::Rs485, |_| {}), Drive::holding(&[(F010, 3), (F011, 2)]));
+    let side = side(Interface::Rs485, |_| {});
+    let drive = Drive::holding(&[(F010, 3), (F011, 2)]);
     let (status, answer) = on_a_runtime(async {
         drive.play(&side);
         ask(&side, "POST", PATH, &json!({ "addresses": [F011] }).to_string()).await
@@ -198,7 +203,8 @@ fn exactly_what_is_named_is_ordered_and_told_with_old_and_new() {
 
 #[test]
 fn what_the_model_does_not_ask_to_be_set_is_never_ordered() {
-    let (side, drive) = (side(Interface::Rs485, |_| {}), Drive::holding(&[(F010, 2)]));
+    let side = side(Interface::Rs485, |_| {});
+    let drive = Drive::holding(&[(F010, 2)]);
     on_a_runtime(async {
         drive.play(&side);
         let body = json!({ "addresses": [F010, F007] }).to_string();

@@ -58,7 +58,8 @@ impl OwnSocket {
     /// [`AlreadyRunning`] if another gateway runs on the same directory.
     pub fn open(directory: &Path) -> Result<Self, AlreadyRunning> {
         let lock = Lock::take(directory)?;
-        let (path, reachable) = (directory.join(SOCKET_NAME), Arc::default());
+        let path = directory.join(SOCKET_NAME);
+        let reachable = Arc::default();
         let mut own = Self { listener: None, is_made: false, path, reachable, _lock: lock };
         if let Err(error) = own.make() {
             tracing::error!(%error, "ALARM: cannot create the local command socket; control continues");

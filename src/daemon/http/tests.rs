@@ -447,7 +447,8 @@ fn every_metric_of_dashboard_and_alerts_is_served() {
 
 #[test]
 fn every_alert_is_shown_to_fire() {
-    let (rules, tests) = (delivered("prometheus/rules.yml"), delivered("prometheus/rules_test.yml"));
+    let rules = delivered("prometheus/rules.yml");
+    let tests = delivered("prometheus/rules_test.yml");
     let alerts: Vec<_> = rules.lines().filter_map(|line| line.trim().strip_prefix("- alert: ")).collect();
     assert!(alerts.len() > 10, "{alerts:?}");
     for alert in alerts {

@@ -81,9 +81,14 @@ impl Events {
     fn new(gateway: Arc<Gateway>, listener: Listener) -> Self {
         let mut ticks = interval(EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let (decoder, now) = (Decoder::new(facts(listener.line())), clock::now());
-        let (clock, begun, last_said) = (WallClock::new(), now, now);
-        let (has_more, is_told, has_ended) = (false, false, false);
+        let decoder = Decoder::new(facts(listener.line()));
+        let now = clock::now();
+        let clock = WallClock::new();
+        let begun = now;
+        let last_said = now;
+        let has_more = false;
+        let is_told = false;
+        let has_ended = false;
         Self { gateway, listener, decoder, clock, ticks, begun, last_said, has_more, is_told, has_ended }
     }
 

@@ -14,8 +14,10 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 /// Sets the watchdog of `drive` to exactly `time`, or off if `None`, and reports the outcome. The old value is read
 /// first, because it is logged; a drive that does not return it is not set.
 pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Duration>) -> Value {
-    let (description, model) = (&drive.description, &*drive.description.model);
-    let (name, place) = (description.name.as_str(), description.place);
+    let description = &drive.description;
+    let model = &*drive.description.model;
+    let name = description.name.as_str();
+    let place = description.place;
     let refused = |reason| outcome(name, Report::refused(reason), Vec::new());
     let Some(watchdog) = &model.watchdog else { return refused(Reason::NotCapable) };
     let Some(value) = model.watchdog_word(time) else { return refused(Reason::OutsideRange) };
@@ -30,7 +32,8 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     let report = side.command(Who::TOOL, place, Order::Go(go)).await;
     let register = model.register_at(address);
     let what = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
-    let (result, reason) = (report.outcome.word(), report.reason.word());
+    let result = report.outcome.word();
+    let reason = report.reason.word();
     tracing::info!(
         drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "drive watchdog set"
     );

@@ -31,7 +31,8 @@ pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
     let target = target.ok_or_else(|| io::Error::other("no name is free"))?;
     // The main file may be the missing one.
     for part in PARTS {
-        let (from, to) = (format!("{}{part}", path.display()), format!("{}{part}", target.display()));
+        let from = format!("{}{part}", path.display());
+        let to = format!("{}{part}", target.display());
         match std::fs::rename(from, to) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}

@@ -113,7 +113,8 @@ impl Database {
         let last_event = given.max(there).unwrap_or(0);
         let session = meta(&connection, "session")?.unwrap_or_else(|| session.to_owned());
         let found = found(&connection)?;
-        let (is_synced, is_in_doubt) = (false, false);
+        let is_synced = false;
+        let is_in_doubt = false;
         let database =
             Self { connection, session, last_event, last_availability, audit_base, is_synced, is_in_doubt, most_bytes };
         Ok((database, found))
@@ -141,7 +142,8 @@ impl Database {
             return Ok(());
         }
         self.checkpoint()?;
-        (self.last_event, self.last_availability) = (mark.last_event, mark.last_availability);
+        self.last_event = mark.last_event;
+        self.last_availability = mark.last_availability;
         self.is_in_doubt = true;
         Ok(())
     }
@@ -163,7 +165,8 @@ impl Database {
             self.connection.pragma_update(None, "synchronous", mode)?;
             self.is_synced = book.has_trip();
         }
-        let (mut last_event, mut last_availability) = (self.last_event, self.last_availability);
+        let mut last_event = self.last_event;
+        let mut last_availability = self.last_availability;
         let transaction = self.connection.transaction()?;
         if self.is_in_doubt {
             let rows = [
@@ -193,7 +196,8 @@ impl Database {
             }
         }
         for (name, memory) in book.memory() {
-            let (name, body) = (name.as_str(), memory.to_json());
+            let name = name.as_str();
+            let body = memory.to_json();
             let mut put = transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
             put.execute(params![name, body, memory_crc(name, &body)])?;
         }
@@ -202,7 +206,8 @@ impl Database {
         }
         events::mark(&transaction, taken, events::TAKEN)?;
         transaction.commit()?;
-        (self.last_event, self.last_availability) = (last_event, last_availability);
+        self.last_event = last_event;
+        self.last_availability = last_availability;
         self.is_in_doubt = false;
         Ok(())
     }
@@ -358,7 +363,8 @@ fn remembered(connection: &Connection, found: &mut DatabaseState) -> Result<(), 
     while let Some(row) = rows.next()? {
         let name: Option<String> = row.get(0).ok();
         let sound = || {
-            let (name, body) = (name.as_deref()?, row.get::<_, String>(1).ok()?);
+            let name = name.as_deref()?;
+            let body = row.get::<_, String>(1).ok()?;
             let is_sound = row.get::<_, u32>(2).ok()? == memory_crc(name, &body);
             Some((Name::new(name)?, Remembered::from_json(&body).filter(|_| is_sound)?))
         };

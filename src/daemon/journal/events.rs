@@ -21,7 +21,8 @@ pub fn row(event: &NewEvent, number: u64, session: &str) -> Row {
     let mut body = event.body.clone();
     body.insert("seq".to_owned(), number.into());
     body.insert("session".to_owned(), session.into());
-    let (kind, name) = (event.kind.to_owned(), event.drive.as_str().to_owned());
+    let kind = event.kind.to_owned();
+    let name = event.drive.as_str().to_owned();
     Row { number, at: event.at, kind, name: Some(name), body: Value::Object(body).to_string() }
 }
 

@@ -121,7 +121,8 @@ mod tests {
     use crate::journal::{AttemptId, Tried};
 
     fn refused(order: Order) -> Post {
-        let (tried, report) = (Tried::Order(order), Some(Report::refused(Reason::Tripped)));
+        let tried = Tried::Order(order);
+        let report = Some(Report::refused(Reason::Tripped));
         let attempt = Attempt { id: AttemptId(1), owner: Owner::Mqtt, tried, report };
         Post::Attempt(1, None, MonoTime::ZERO, attempt)
     }

@@ -11,7 +11,8 @@ pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,cou
 /// A row as JSON; with its plain text if `has_text`.
 #[must_use]
 pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
-    let (table, number) = (table.name(), seen.number());
+    let table = table.name();
+    let number = seen.number();
     let ReadRow::Sound(row) = seen else { return json!({ "table": table, "number": number, "damaged": true }) };
     let body = body(row);
     let text = has_text.then(|| words(row, &body));

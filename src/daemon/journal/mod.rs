@@ -85,13 +85,15 @@ impl Journal {
         sides: NorthSides,
         changed: Arc<Bell>,
     ) -> io::Result<(Arc<Self>, BTreeMap<Name, Remembered>)> {
-        let (inbox, status) = (Arc::<Inbox>::default(), Arc::<Status>::default());
+        let inbox = Arc::<Inbox>::default();
+        let status = Arc::<Status>::default();
         let (store, found) = Store::open(&settings.directory.join(FILE_NAME), settings.max_bytes, &status);
         let memory = found.memory.clone();
         let (ends, ended) = oneshot::channel();
         let upkeep = upkeep::start(settings.directory.join(FILE_NAME), Arc::clone(&inbox))?;
         let writer = writer::Writer::new(store, found, Arc::clone(&inbox), Arc::clone(&status), sides, changed, upkeep);
-        let (configuration, known) = (settings.configuration.clone(), writer.known());
+        let configuration = settings.configuration.clone();
+        let known = writer.known();
         std::thread::Builder::new().name("journal".to_owned()).spawn(move || {
             writer.run(&configuration);
             drop(ends);

@@ -45,7 +45,9 @@ pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
     let number: u64 = row.get(0)?;
     let read = || {
         let unix_ms = row.get(1).ok()?;
-        let (kind, name, body) = (row.get(2).ok()?, row.get(3).ok()?, row.get(4).ok()?);
+        let kind = row.get(2).ok()?;
+        let name = row.get(3).ok()?;
+        let body = row.get(4).ok()?;
         Row { number, at: WallTime { unix_ms }, kind, name, body }.checked(table, row.get(5).ok()?)
     };
     Ok(read().map_or(ReadRow::Damaged(number), ReadRow::Sound))

@@ -65,7 +65,9 @@ fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
         _ => return Ok(None),
     };
     // The number of pages is valid if it was written with the last change.
-    let (change, pages, valid_for) = (number(24), number(28), number(92));
+    let change = number(24);
+    let pages = number(28);
+    let valid_for = number(92);
     Ok(pages.filter(|_| change == valid_for).map(|pages| u64::from(pages) * page))
 }
 
@@ -88,7 +90,9 @@ pub fn rescued(path: &Path, table: Table) -> Rescued {
     let sql = format!("SELECT max(number) FROM {}", table.name());
     let newest = connection.query_row(&sql, [], |row| row.get::<_, Option<u64>>(0)).ok().flatten();
     let after = newest.map_or(0, |newest| newest.saturating_sub(RESCUED_MAX as u64));
-    let (mut rows, mut last, mut lost) = (VecDeque::new(), after, None);
+    let mut rows = VecDeque::new();
+    let mut last = after;
+    let mut lost = None;
     for seen in Rows::after(&connection, table, after).take(LOOKED_AT_MAX) {
         match seen {
             Ok(ReadRow::Sound(row)) => {

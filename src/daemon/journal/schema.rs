@@ -44,7 +44,8 @@ pub enum Made {
 /// SQLite's.
 pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
     let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
-    let (version, application) = (number("user_version")?, number("application_id")?);
+    let version = number("user_version")?;
+    let application = number("application_id")?;
     let tables: i64 = connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
     let is_new = version == 0 && tables == 0;
     if !is_new && application != APPLICATION {

@@ -86,7 +86,8 @@ impl Store {
             // Noted once, however often it cannot be opened.
             Standing::Empty if !self.notes.is_empty() => {}
             Standing::Empty => {
-                let (now, file) = (clock::wall(), self.path.display().to_string());
+                let now = clock::wall();
+                let file = self.path.display().to_string();
                 let reason = "its file was empty: rows that an earlier one may have held are lost";
                 tracing::warn!(file, "journal file is empty; starting a new journal; earlier rows, if any, are lost");
                 self.notes.push(row::begun_anew(now, reason, None));
@@ -118,7 +119,8 @@ impl Store {
         tracing::error!(reason, moved_to = lies_at, "ALARM: journal is unusable; moved it aside and started a new one");
         self.status.change(|report| report.moved_aside = Some(lies_at.clone()));
         self.has_begun_anew = true;
-        let (mark, is_first) = (self.mark.take(), self.audit_base.is_none());
+        let mark = self.mark.take();
+        let is_first = self.audit_base.is_none();
         let opened = self.open_once();
         let mut told = reason.to_owned();
         match (opened, &mut self.database) {
@@ -162,7 +164,8 @@ impl Store {
         self.retry_at = clock::now() + self.wait;
         self.wait = (self.wait * 2).min(LONGEST_WAIT);
         self.status.change(|report| {
-            (report.state, report.reason) = (state, Some(reason));
+            report.state = state;
+            report.reason = Some(reason);
             report.failures += 1;
         });
     }

@@ -29,7 +29,8 @@ impl Teller {
 
     /// The MQTT side has room for the events after `after`. Replaces an earlier request.
     pub const fn want(&mut self, after: u64) {
-        (self.wanted, self.is_due) = (Some(after), true);
+        self.wanted = Some(after);
+        self.is_due = true;
     }
 
     /// Events were kept.

@@ -102,7 +102,8 @@ impl Rig {
     }
 
     fn refuse(&mut self, number: u64) -> RowNumber {
-        let (tried, report) = (Tried::Text(format!("no {number}")), Some(Report::refused(Reason::NotUnderstood)));
+        let tried = Tried::Text(format!("no {number}"));
+        let report = Some(Report::refused(Reason::NotUnderstood));
         self.keep(Entry::Attempt(Attempt { id: AttemptId(number), owner: Owner::Mqtt, tried, report }))
     }
 
@@ -112,7 +113,9 @@ impl Rig {
 
     /// The events that the MQTT side receives, until there are `count`.
     fn events(&self, count: usize) -> (Vec<StoredEvent>, bool) {
-        let (mut batch, mut told, mut last) = (Vec::new(), Vec::new(), false);
+        let mut batch = Vec::new();
+        let mut told = Vec::new();
+        let mut last = false;
         until("the events are told", || {
             self.sides.mqtt.as_ref().unwrap().take(&mut batch);
             for news in batch.drain(..) {
@@ -280,7 +283,8 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     let place = Place::new();
     let drive = build::shared(&CONFIG).drives[0].description.clone();
     let open = || Database::open(&place.file(), "one", 64_000_000).unwrap().0;
-    let (none, mut book) = (BTreeSet::new(), Book::default());
+    let none = BTreeSet::new();
+    let mut book = Book::default();
     let label = |at: MonoTime| WallTime { unix_ms: (at.as_nanos() / 1_000_000) as i64 };
     let tell = |book: &mut Book, entry| book.take(1, &drive, MonoTime::ZERO, entry, &label);
     let trip = |code| {

@@ -107,7 +107,9 @@ impl LineTask<'_> {
     }
 
     fn log_trip(&self, drive: DriveIndex, event: &TripEvent) {
-        let (line, drive, while_away) = (&self.port.line, self.name_of(drive), event.while_away);
+        let line = &self.port.line;
+        let drive = self.name_of(drive);
+        let while_away = event.while_away;
         match &event.kind {
             TripEventKind::Tripped { trips, record } => {
                 tracing::warn!(line, drive, trips, code = record.code, while_away, "drive tripped")

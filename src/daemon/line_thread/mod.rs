@@ -109,7 +109,8 @@ impl LineHandle {
                 tracing::error!(line = port.line, %error, "cannot start the line thread");
             }
         })?;
-        let (has_rested, has_ended) = (false, false);
+        let has_rested = false;
+        let has_ended = false;
         Ok(Self { line, begin: Some(begin), ready, rested, has_rested, ended, has_ended, thread })
     }
 
@@ -205,7 +206,8 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
     {
         tracing::info!(line = port.line, %error, "no real-time priority; gaps between frames may grow under load");
     }
-    let (is_paced, logs_traffic) = (setup.timing.paced, setup.tells_traffic);
+    let is_paced = setup.timing.paced;
+    let logs_traffic = setup.tells_traffic;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {
         let timer = Timer::new()?;
@@ -269,7 +271,8 @@ impl LineTask<'_> {
     /// Whether nothing is left to do on this line.
     fn is_over(&mut self) -> bool {
         let Some(until) = self.ending else { return self.board.inbox().is_closed() };
-        let (now, has_unsent) = (clock::now(), self.core.has_unsent_stop());
+        let now = clock::now();
+        let has_unsent = self.core.has_unsent_stop();
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
         let begins_to_rest = (is_through || now >= until) && self.rests.take().is_some();
         if begins_to_rest && !is_through {

@@ -178,7 +178,8 @@ impl LineTask<'_> {
     }
 
     fn tell_of_refusal(&mut self, error: &str) {
-        let (line, port) = (&self.port.line, &self.port.settings.address);
+        let line = &self.port.line;
+        let port = &self.port.settings.address;
         if self.told.is_new(error.to_owned()) {
             tracing::warn!(line, %port, error, "cannot open the port; retrying");
         } else {

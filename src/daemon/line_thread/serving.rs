@@ -65,7 +65,8 @@ impl LineTask<'_> {
             return;
         }
         uptime.is_announced = true;
-        let (line, settings) = (&self.port.line, &self.port.settings);
+        let line = &self.port.line;
+        let settings = &self.port.settings;
         tracing::info!(line, port = %settings.address, link = %settings.link, "line up");
         if let Some(remark) = device.remark() {
             tracing::warn!(line, port = %settings.address, "{remark}");

@@ -67,7 +67,8 @@ impl Server {
         let Some(security) = listener.security() else {
             return self.begin(source, Stream::Plain(socket), peer, None, listener, seat);
         };
-        let (server, asker) = (Rc::clone(self), seat.asker);
+        let server = Rc::clone(self);
+        let asker = seat.asker;
         let task = tokio::task::spawn_local(async move {
             let shaken = shake(source, socket, &security).await;
             server.handshakes.ended(asker);
@@ -139,7 +140,8 @@ fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
         sockopt::set_tcp_nodelay(stream, true)?;
         let Some(idle) = keep_alive else { return Ok(()) };
         let seconds = u32::try_from(idle.as_secs()).unwrap_or(u32::MAX);
-        let (every, probes) = ((seconds / 4).max(1), seconds.clamp(1, PROBES));
+        let every = (seconds / 4).max(1);
+        let probes = seconds.clamp(1, PROBES);
         sockopt::set_socket_keepalive(stream, true)?;
         sockopt::set_tcp_keepidle(stream, idle)?;
         sockopt::set_tcp_keepintvl(stream, Duration::from_secs(every.into()))?;

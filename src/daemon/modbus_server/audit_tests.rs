@@ -115,7 +115,8 @@ impl Dice {
 
 /// Answers in `bytes`: exceptions, and others.
 fn answers(mut bytes: &[u8]) -> (usize, usize) {
-    let (mut exceptions, mut others) = (0, 0);
+    let mut exceptions = 0;
+    let mut others = 0;
     while let Ok(Some(message)) = mbap::decode(bytes) {
         if message.pdu[0] & 0x80 == 0 {
             others += 1;
@@ -139,7 +140,8 @@ fn every_write_is_an_order_or_kept_or_was_nothing_to_do() {
             let mut stream = TcpStream::connect(plant.address).await.unwrap();
             let sent: Vec<_> = requests.iter().map(|(unit, pdu)| (7, *unit, &pdu[..])).collect();
             send(&mut stream, &sent).await;
-            let (mut received, mut orders) = (Vec::new(), 0);
+            let mut received = Vec::new();
+            let mut orders = 0;
             let begun = Instant::now();
             let (exceptions, others) = loop {
                 let mut buffer = [0; 4096];

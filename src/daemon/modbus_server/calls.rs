@@ -125,7 +125,8 @@ impl Client {
 
     /// Sends a stop to each drive of this listener that has control. Each line finds its stops together.
     fn stop_all(&self, now: MonoTime, machine: &mut Connection) -> Vec<(Ticket, Result<(), Full>)> {
-        let (router, order) = (self.router(), Order::Stop { setpoint: None });
+        let router = self.router();
+        let order = Order::Stop { setpoint: None };
         let places = router.controlled().map(|drive| drive.shared.description.place);
         let commands: Vec<_> = places
             .map(|place| (place, self.command_for(now, machine.fresh_ticket(), place, order.clone(), Manner::Once)))
@@ -163,7 +164,8 @@ impl Client {
     /// An order that a line does not accept still counts as an attempt.
     fn found_no_room(&self, place: DriveRef, order: Order) {
         if !order.is_no_attempt() {
-            let (owner, report) = (self.origin.get().owner, Report::refused(Reason::QueueFull));
+            let owner = self.origin.get().owner;
+            let report = Report::refused(Reason::QueueFull);
             self.keeper.keep(Some(place), owner, Tried::Order(order), report);
         }
     }
@@ -206,7 +208,8 @@ impl Client {
             return machine.answer(now, call, Answer::Exception(exception::SERVER_DEVICE_FAILURE));
         };
         let mut words = Words::default();
-        let (view, present) = (drive.shared.view.load(), self.present(now));
+        let view = drive.shared.view.load();
+        let present = self.present(now);
         let taken = drive.unit.read(read.address, read.count, &view, &present, &mut words);
         // A read orders nothing.
         let _ = taken.at_once(&words, |answer| machine.answer(now, call, answer));

@@ -80,7 +80,8 @@ impl Server {
         let newcomer = {
             let mut places = self.hall.places.borrow_mut();
             let room = listener.room(|| places.add_room());
-            let (room_max, has_priority) = (listener.connections_max(), listener.has_priority(peer));
+            let room_max = listener.connections_max();
+            let has_priority = listener.has_priority(peer);
             Newcomer { asker, room, room_max, has_priority }
         };
         let entry = self.hall.places.borrow_mut().enter(newcomer, &|asker| self.is_busy(asker));
@@ -92,7 +93,8 @@ impl Server {
             }
             Entry::Full => return None,
         };
-        let (hall, place) = (Rc::clone(&self.hall), Cell::new(place));
+        let hall = Rc::clone(&self.hall);
+        let place = Cell::new(place);
         Some(Seat { hall, asker, place, unread: Cell::default() })
     }
 

@@ -70,7 +70,8 @@ fn play<F: Future<Output = ()>>(places: usize, settings: ListenerSettings, test:
     let play = async {
         let socket = TcpListener::bind(settings.listen).await.unwrap();
         let address = socket.local_addr().unwrap();
-        let (shared, totals) = (shared(), Arc::new(ModbusTotals::default()));
+        let shared = shared();
+        let totals = Arc::new(ModbusTotals::default());
         let router = Router::new(&settings, Units::new(&shared));
         let server = Rc::new(Server::new(Arc::clone(&totals), None).with_places(places));
         tokio::task::spawn_local(Rc::clone(&server).listen(socket, Listener::new(settings, router, None)));

@@ -48,15 +48,20 @@ fn play<F: Future<Output = ()>>(test: impl FnOnce(Secured) -> F) {
 
 impl Secured {
     async fn new() -> Self {
-        let (own, clients, files) = (Authority::new(), Authority::new(), Files::new());
+        let own = Authority::new();
+        let clients = Authority::new();
+        let files = Files::new();
         let tls = files.listener(&own, &clients);
         let security = Security::read(&tls).unwrap();
         let write = vec!["127.0.0.0/8".parse().unwrap()];
         let settings = ListenerSettings { write, tls: Some(tls), ..EVERY_LINE };
         let socket = TcpListener::bind(settings.listen).await.unwrap();
-        let (shared, answers, address) = (shared(), Arc::<AnswerBox>::default(), socket.local_addr().unwrap());
+        let shared = shared();
+        let answers = Arc::<AnswerBox>::default();
+        let address = socket.local_addr().unwrap();
         let listener = Listener::new(settings.clone(), router(&settings, &shared), Some(security));
-        let (totals, kept) = (Arc::<ModbusTotals>::default(), Arc::<Kept>::default());
+        let totals = Arc::<ModbusTotals>::default();
+        let kept = Arc::<Kept>::default();
         let server = Rc::new(Server::new(Arc::clone(&totals), Some(Arc::clone(&kept) as _)));
         tokio::task::spawn_local(Rc::clone(&server).listen(socket, Rc::clone(&listener)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&answers)));
@@ -397,7 +402,9 @@ fn who_came_with_tls_does_not_stay_without_and_the_other_way_round() {
 
 #[test]
 fn files_that_cannot_be_used_are_named_all_at_once() {
-    let (files, own, clients) = (Files::new(), Authority::new(), Authority::new());
+    let files = Files::new();
+    let own = Authority::new();
+    let clients = Authority::new();
     let tls = files.listener(&own, &clients);
     let missing = ListenerTls {
         cert_file: "/nowhere/own.pem".into(),

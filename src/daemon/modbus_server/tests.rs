@@ -308,7 +308,8 @@ fn a_write_that_also_reads_reads_what_came_of_it() {
 fn stop_all_goes_to_every_drive_with_control_and_is_answered_by_the_worst() {
     play(EVERY_LINE, |plant, mut stream| async move {
         send(&mut stream, &[(7, 255, &[5, 0, 0, 0xFF, 0])]).await;
-        let (one, other) = (plant.commands(0, 1).await.remove(0), plant.commands(1, 1).await.remove(0));
+        let one = plant.commands(0, 1).await.remove(0);
+        let other = plant.commands(1, 1).await.remove(0);
         for command in [&one, &other] {
             assert_eq!((command.drive, &command.order), (DriveIndex(0), &Order::Stop { setpoint: None }));
         }
@@ -395,7 +396,8 @@ async fn client(plant: &Plant, settings: ListenerSettings) -> (TcpStream, Rc<Lis
     let stream = TcpStream::connect(socket.local_addr().unwrap()).await.unwrap();
     let (accepted, peer) = socket.accept().await.unwrap();
     let router = Router::new(&settings, Units::new(&plant.shared));
-    let (listener, server) = (Listener::new(settings, router, None), Rc::new(Server::default()));
+    let listener = Listener::new(settings, router, None);
+    let server = Rc::new(Server::default());
     server.admit(accepted, peer, &listener);
     (stream, listener, server)
 }

@@ -20,7 +20,8 @@ impl Link {
     pub fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
         if let Err(unfit) = self.sender.check(&publication, &self.terms) {
             count(&counters.dropped);
-            let (topic, bytes) = (&publication.topic, publication.payload.len());
+            let topic = &publication.topic;
+            let bytes = publication.payload.len();
             match unfit {
                 Unfit::TooLarge => {
                     tracing::warn!(
@@ -36,7 +37,8 @@ impl Link {
         }
         // A broker without retained messages closes the connection of a client that requests them.
         publication.retain &= self.terms.broker.retains;
-        let (qos, token) = (publication.qos, publication.token);
+        let qos = publication.qos;
+        let token = publication.token;
         self.sender.publish(publication)?;
         self.window.queue_publication(qos, token);
         Ok(true)

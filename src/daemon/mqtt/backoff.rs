@@ -90,7 +90,8 @@ mod tests {
 
     fn assert_waits(back_off: &mut BackOff, ended: Ended, all_millis: &[u64]) {
         for millis in all_millis {
-            let (wait, middle) = (back_off.wait_after(ended), Duration::from_millis(*millis));
+            let wait = back_off.wait_after(ended);
+            let middle = Duration::from_millis(*millis);
             assert!(wait >= middle * 3 / 4 && wait <= middle * 5 / 4, "{ended:?}: {wait:?} for {millis} ms");
         }
     }

@@ -48,7 +48,8 @@ pub async fn converse<T: Talk>(
 ) {
     let mut stop = pin!(stop);
     let retry = Retry::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
-    let (turns, heard) = (Turns::new(clock::now()), Instant::now());
+    let turns = Turns::new(clock::now());
+    let heard = Instant::now();
     let mut client = Client { settings, talk, bell, counters, retry, turns, heard, listens_until: None, link: None };
     let mut last_reason = String::new();
     loop {
@@ -59,7 +60,8 @@ pub async fn converse<T: Talk>(
             talk.borrow_mut().unsent();
         }
         let next = client.retry.after(&broken, life);
-        let (reason, wait) = (broken.reason, next.wait);
+        let reason = broken.reason;
+        let wait = next.wait;
         let client_id = client.settings.client_id.as_str();
         if counters.connected.get() > had || reason != last_reason {
             tracing::warn!(client_id, reason, "no connection to the broker; retrying");
@@ -162,7 +164,8 @@ impl<T: Talk> Client<'_, T> {
             }
             if let Incident::Connected(terms) = incident {
                 patience = self.patience(&terms);
-                let (since, window) = (Instant::now(), Window::default());
+                let since = Instant::now();
+                let window = Window::default();
                 self.link = sender.take().map(|sender| Link { since, sender, window, terms });
             }
             self.take(incident);
@@ -332,7 +335,8 @@ impl<T: Talk> Client<'_, T> {
             self.tell(Event::Stalled(Duration::MAX));
         }
         rest.into_iter().filter(|it| !matches!(it, Incident::Connected(_))).for_each(|it| self.take(it));
-        (self.link, self.listens_until) = (None, None);
+        self.link = None;
+        self.listens_until = None;
         if life.is_some() {
             self.tell(Event::Lost);
         }

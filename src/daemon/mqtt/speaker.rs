@@ -50,7 +50,9 @@ impl Speaker {
         let shared = current.get();
         let mut session = Session::new(settings, drives_of(&shared), lines_of(&shared), at, random::secret());
         session.count_tickets_from(first_ticket);
-        let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
+        let views = Vec::new();
+        let lines = Vec::new();
+        let batch = Vec::new();
         Self { session, current, shared, news, totals, journal, views, lines, batch }
     }
 

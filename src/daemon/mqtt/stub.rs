@@ -84,7 +84,8 @@ impl Peer {
     /// The next packet; `None` if the client has closed the connection.
     pub async fn read(&mut self) -> Option<Frame> {
         let first = self.stream.read_u8().await.ok()?;
-        let (mut length, mut shift) = (0, 0);
+        let mut length = 0;
+        let mut shift = 0;
         loop {
             let byte = usize::from(self.stream.read_u8().await.ok()?);
             length |= (byte & 0x7F) << shift;

@@ -205,7 +205,8 @@ const ANY: Broker = Broker { maximum_packet_bytes: None, retains: true };
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let waited = rig.run(&stub, version, async {
             let mut first = stub.accept().await;
             first.expect(CONNECT).await;
@@ -239,7 +240,8 @@ async fn an_attempt_that_ends_before_connect_is_told_as_unsent() {
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_stops_reading_is_given_up_in_time() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         rig.talk.borrow_mut().flood = Some(100_000);
         let waited = rig.run(&stub, version, async {
             let _first = stub.welcome().await;
@@ -256,7 +258,8 @@ async fn a_broker_that_stops_reading_is_given_up_in_time() {
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_answers_no_ping_is_given_up_in_time() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let waited = rig.run(&stub, version, async {
             let mut first = stub.welcome().await;
             let begun = Instant::now();
@@ -271,7 +274,8 @@ async fn a_broker_that_answers_no_ping_is_given_up_in_time() {
 #[tokio::test(start_paused = true)]
 async fn a_message_above_the_limit_does_not_make_the_client_spin() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let mut connections = 0;
         let too_large = vec![0; incident::PACKET_MAX + 1];
         let attack = async {
@@ -297,7 +301,8 @@ fn filters(paths: &[&str]) -> Vec<Filter> {
 #[tokio::test]
 async fn a_large_message_below_the_limit_arrives() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             peer.publish("large", &vec![7; 200_000], &[]).await;
@@ -321,7 +326,8 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         [expiry.as_slice(), &[9, 0, 0], &expiry].concat(),
     ];
     for properties in twice.into_iter().chain([alias(0), alias(1), [alias(1), alias(2)].concat()]) {
-        let (stub, rig) = (Stub::new(Version::V5).await, Rig::default());
+        let stub = Stub::new(Version::V5).await;
+        let rig = Rig::default();
         rig.run(&stub, Version::V5, async {
             let mut peer = stub.welcome().await;
             peer.publish("run", b"forward", &properties).await;
@@ -354,7 +360,8 @@ async fn a_message_with_every_property_once_is_handed_over() {
     for (properties, payload) in
         [(all.concat(), &b"forward"[..]), (all.concat(), b""), (Vec::new(), b""), (vec![1, 0], b"x")]
     {
-        let (stub, rig) = (Stub::new(Version::V5).await, Rig::default());
+        let stub = Stub::new(Version::V5).await;
+        let rig = Rig::default();
         let told = rig.run(&stub, Version::V5, async {
             let mut peer = stub.welcome().await;
             peer.publish("run", payload, &properties).await;
@@ -368,7 +375,8 @@ async fn a_message_with_every_property_once_is_handed_over() {
 #[tokio::test]
 async fn acknowledgements_out_of_order_find_their_tokens() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting((11..=14).map(with_token).collect()));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting((11..=14).map(with_token).collect());
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let mut identifiers = Vec::new();
@@ -387,7 +395,8 @@ async fn acknowledgements_out_of_order_find_their_tokens() {
 #[tokio::test]
 async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..200).map(with_token).collect()));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting((0..200).map(with_token).collect());
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let first = peer.published().await;
@@ -413,7 +422,8 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
 async fn a_refused_filter_is_told_in_its_place() {
     for version in VERSIONS {
         let filters = filters(&["a/+/set", "b/#"]);
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
         let (options, told) = rig
             .run(&stub, version, async {
                 let mut peer = stub.welcome().await;
@@ -430,7 +440,8 @@ async fn a_refused_filter_is_told_in_its_place() {
 #[tokio::test]
 async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confused_with_what_comes_after() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![with_token(7)]));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting(vec![with_token(7)]);
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let cut = peer.published().await;
@@ -452,7 +463,8 @@ async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confus
 #[tokio::test]
 async fn each_connection_has_a_fresh_will() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         rig.run(&stub, version, async {
             for count in 1..=3 {
                 let mut peer = stub.accept().await;
@@ -468,7 +480,8 @@ async fn each_connection_has_a_fresh_will() {
 #[tokio::test]
 async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             peer.publish("stop", b"", &[]).await;
@@ -483,7 +496,8 @@ async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
 #[tokio::test]
 async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let message = |topic: &str| Outcome::Message(Text { topic: topic.to_owned(), ..Text::default() });
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
@@ -506,7 +520,8 @@ async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
 #[tokio::test]
 async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         rig.talk.borrow_mut().farewell = vec![text("status", "offline")];
         let talk = async {
             converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified()).await;
@@ -528,7 +543,8 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
 #[tokio::test]
 async fn the_bell_and_the_wish_to_reconnect_are_heard() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
@@ -548,7 +564,8 @@ async fn the_bell_and_the_wish_to_reconnect_are_heard() {
 #[tokio::test]
 async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let last = Publication { qos: Qos::AtLeastOnce, ..text("state", "offline") };
         rig.talk.replace(Script { leaves_will: true, farewell: vec![last], ..Script::default() });
         let broker = async {
@@ -570,7 +587,8 @@ async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
 #[tokio::test]
 async fn the_last_words_come_before_disconnect_and_are_waited_for() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let last = Publication { retain: true, qos: Qos::AtLeastOnce, ..text("state", "offline") };
         rig.talk.borrow_mut().farewell = vec![text("bye", "1"), last];
         let broker = async {
@@ -649,7 +667,8 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_wants_no_keep_alive_is_not_flooded_with_pings() {
     let version = Version::V5;
-    let (stub, rig) = (Stub::new(version).await, Rig::default());
+    let stub = Stub::new(version).await;
+    let rig = Rig::default();
     let pings = rig.run(&stub, version, async {
         let mut peer = stub.welcome_on(&[0x13, 0, 0]).await;
         let mut pings = 0;
@@ -670,7 +689,8 @@ async fn a_broker_that_wants_no_keep_alive_is_not_flooded_with_pings() {
 #[tokio::test]
 async fn a_full_queue_loses_nothing_and_blocks_nothing() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..500).map(with_token).collect()));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting((0..500).map(with_token).collect());
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
@@ -689,7 +709,8 @@ async fn a_full_queue_loses_nothing_and_blocks_nothing() {
 #[tokio::test]
 async fn what_is_due_while_the_queue_is_full_does_not_make_the_client_spin() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..500).map(with_token).collect()));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting((0..500).map(with_token).collect());
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
@@ -720,7 +741,8 @@ fn rivals(told: &[Outcome]) -> Vec<Option<Rival>> {
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_names_a_rival_is_not_fought_over() {
     let version = Version::V5;
-    let (stub, rig) = (Stub::new(version).await, Rig::default());
+    let stub = Stub::new(version).await;
+    let rig = Rig::default();
     let mut connections = 0_usize;
     let taking_turns = async {
         loop {
@@ -742,7 +764,8 @@ async fn a_broker_that_names_a_rival_is_not_fought_over() {
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_until_one_lives() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let mut connections = 0_usize;
         let taking_turns = async {
             loop {
@@ -802,7 +825,8 @@ async fn a_broker_that_goes_and_comes_is_no_rival_and_is_found_again_within_a_se
 #[tokio::test]
 async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_same() {
     for version in VERSIONS {
-        let (stub, rig) = (Stub::new(version).await, Rig::default());
+        let stub = Stub::new(version).await;
+        let rig = Rig::default();
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             peer.publish_again("again", 77).await;
@@ -819,7 +843,8 @@ async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_sam
 async fn the_subscription_is_asked_for_again_on_every_connection() {
     for version in VERSIONS {
         let filters = filters(&["a/+/set", "b/#"]);
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
         rig.run(&stub, version, async {
             for _ in 0..3 {
                 let mut peer = stub.accept().await;
@@ -852,7 +877,8 @@ async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_told_
     for version in VERSIONS {
         for codes in [&[1][..], &[1, 1, 1]] {
             let filters = filters(&["a/+/set", "b/#"]);
-            let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Subscribe(filters)]));
+            let stub = Stub::new(version).await;
+            let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
             let told = rig.run(&stub, version, async {
                 let mut peer = stub.welcome().await;
                 let subscribe = peer.expect(SUBSCRIBE).await;

@@ -80,7 +80,8 @@ impl Conversations {
     /// Whether these are the settings of the present conversations.
     #[must_use]
     pub fn talks_as(&self, broker_side: Option<&BrokerSide>) -> bool {
-        let (mqtt, sparkplug) = (broker_side.map(|it| &it.mqtt), broker_side.and_then(|it| it.sparkplug.as_ref()));
+        let mqtt = broker_side.map(|it| &it.mqtt);
+        let sparkplug = broker_side.and_then(|it| it.sparkplug.as_ref());
         with(self.mqtt.as_ref()) == mqtt && with(self.sparkplug.as_ref()) == sparkplug
     }
 
@@ -96,7 +97,8 @@ impl Conversations {
     }
 
     fn talk(&mut self, mqtt: Option<Mqtt>) {
-        let (first_ticket, current) = (self.next_ticket(), self.current.clone());
+        let first_ticket = self.next_ticket();
+        let current = self.current.clone();
         let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
         let says = async move |(connection, settings): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
@@ -107,7 +109,8 @@ impl Conversations {
     }
 
     fn talk_sparkplug(&mut self, sparkplug: Option<Sparkplug>) {
-        let (first_ticket, current) = (self.next_ticket(), self.current.clone());
+        let first_ticket = self.next_ticket();
+        let current = self.current.clone();
         let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
         let says = async move |with: Sparkplug, totals, news, stopped| {
             let Sparkplug { connection, settings, data_dir } = with;
@@ -192,7 +195,8 @@ impl<W> Conversation<W> {
 }
 
 async fn speak<T: Talk>(connection: ConnectionSettings, speaker: T, changed: &Notify, stopped: oneshot::Receiver<()>) {
-    let (speaker, counters) = (RefCell::new(speaker), Counters::default());
+    let speaker = RefCell::new(speaker);
+    let counters = Counters::default();
     let stop = async {
         // A dropped sender also means the end.
         let _ = stopped.await;

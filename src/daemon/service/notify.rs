@@ -40,8 +40,10 @@ pub fn stopping() {
 /// Never returns.
 pub async fn watch(current: Current) {
     let granted = sd_notify::watchdog_enabled().filter(|time| !time.is_zero());
-    let (mut pulse, mut told) = (Pulse::default(), String::new());
-    let (mut beat, mut look) = (Instant::now(), Instant::now());
+    let mut pulse = Pulse::default();
+    let mut told = String::new();
+    let mut beat = Instant::now();
+    let mut look = Instant::now();
     loop {
         let now = Instant::now();
         if now >= beat {
@@ -118,7 +120,8 @@ mod tests {
 
     #[test]
     fn a_line_whose_thread_does_not_come_round_ends_the_signs_of_life() {
-        let (good, bad) = (line(1, "good"), line(2, "bad"));
+        let good = line(1, "good");
+        let bad = line(2, "bad");
         let lines = [Arc::clone(&good), Arc::clone(&bad)];
         let mut pulse = Pulse::default();
         assert_eq!(pulse.feel(&lines), Ok(()), "nothing is known yet");

@@ -124,7 +124,8 @@ impl Gateway {
             None => None,
         };
         let old = self.current.get();
-        let (mut lines, mut handles) = (Vec::with_capacity(new.lines.len()), Vec::new());
+        let mut lines = Vec::with_capacity(new.lines.len());
+        let mut handles = Vec::new();
         for (settings, continues) in new.lines.iter().zip(&change.continues) {
             if let Some(line) = continues.and_then(|at| old.lines.get(at)) {
                 lines.push(Arc::clone(line));

@@ -103,7 +103,8 @@ where
         }
         let watch = tokio::task::spawn_local(notify::watch(gateway.current.clone()));
         notify::ready(&gateway.current);
-        let (name, current) = (gateway.name.clone(), gateway.current.clone());
+        let name = gateway.name.clone();
+        let current = gateway.current.clone();
         let (listening, http, broker) = shown;
         let running = Running { name: &name, listening, http, broker, shared: &current };
         serve(&mut gateway, load.as_ref(), asked, until(&running)).await;

@@ -53,7 +53,9 @@ impl Speaker {
         let shared = sides.current.get();
         let mut session = Session::new(settings, drives_of(&shared), &lines_of(&shared), at, random::secret());
         session.count_tickets_from(first_ticket);
-        let (views, lines, batch) = (Vec::new(), Vec::new(), Vec::new());
+        let views = Vec::new();
+        let lines = Vec::new();
+        let batch = Vec::new();
         let mut speaker = Self { session, bdseq, sides, shared, views, lines, batch };
         // The first birth may be sent before anything changes.
         speaker.look_at_views();

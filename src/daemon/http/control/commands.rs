@@ -37,7 +37,8 @@ pub(super) async fn command(
     {
         return *flaw;
     }
-    let (who, drive) = (Who::signed_in(user), find(&control, &name));
+    let who = Who::signed_in(user);
+    let drive = find(&control, &name);
     let place = drive.as_ref().map(|drive| drive.description.place);
     let keep = |reason| {
         let text = format!("{name}: {}", String::from_utf8_lossy(&body));
@@ -75,7 +76,8 @@ pub(super) async fn command(
 }
 
 async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &PageCommand) -> Report {
-    let (place, begun) = (drive.description.place, clock::now());
+    let place = drive.description.place;
+    let begun = clock::now();
     let taken = if wish.takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
     let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);
     match (taken, wish.order.clone()) {
@@ -121,7 +123,8 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
-    let (who, shared) = (Who::signed_in(user), control.side.shared());
+    let who = Who::signed_in(user);
+    let shared = control.side.shared();
     let order = Order::Stop { setpoint: None };
     let is_ours = |drive: &&Arc<SharedDrive>| drive.description.control.as_ref().is_some_and(|it| it.from_page);
     let drives: Vec<_> = shared.drives.iter().filter(is_ours).collect();

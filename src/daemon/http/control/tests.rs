@@ -74,7 +74,8 @@ fn house_of(users: &[&str]) -> House {
     let line = (shared.lines[0].name.clone(), shared.lines[0].interface);
     let shared = Arc::new(Shared::new(vec![line], vec![drive("pump-1", 0, true), drive("pump-2", 1, false)]));
     let state = State { shared: Arc::clone(&shared).into(), mqtt: None.into(), ..Arc::into_inner(plain).unwrap() };
-    let (answers, heard) = (Arc::<AnswerBox>::default(), Rc::<RefCell<Vec<_>>>::default());
+    let answers = Arc::<AnswerBox>::default();
+    let heard = Rc::<RefCell<Vec<_>>>::default();
     let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
     tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
     let gives_late = Rc::<Cell<bool>>::default();
@@ -327,7 +328,9 @@ fn a_session_and_the_events_hand_out_the_moment_that_an_order_names() {
 fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
     on_a_runtime(async {
         let house = house_of(&["anna", "bob", "carl"]);
-        let (anna, bob, carl) = (house.sign_in("anna").await, house.sign_in("bob").await, house.sign_in("carl").await);
+        let anna = house.sign_in("anna").await;
+        let bob = house.sign_in("bob").await;
+        let carl = house.sign_in("carl").await;
         let mut next = settings(&["bob", "carl"]);
         next.users[1].hash = HashSource::Text(StoredHash::make("another horse", &[8; 16]).unwrap());
         house.control.change(Front::read(&next).unwrap());
@@ -343,7 +346,8 @@ fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
 fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
     on_a_runtime(async {
         let house = house_of(&[]);
-        let (mut idle, mut listening) = (house.open("/healthz").await, house.open("/api/v1/events").await);
+        let mut idle = house.open("/healthz").await;
+        let mut listening = house.open("/api/v1/events").await;
         let of = |network: &str| HttpSettings { allow: Some(vec![network.parse().unwrap()]), ..settings(&[]) };
         house.control.change(Front::read(&of("127.0.0.0/8")).unwrap());
         assert_eq!(house.ask("GET", "/healthz", "", "").await.0, 200, "the list is in force");
@@ -376,7 +380,8 @@ fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
 fn connections_end_with_their_listener() {
     on_a_runtime(async {
         let house = house_of(&[]);
-        let (mut idle, mut listening) = (house.open("/healthz").await, house.open("/api/v1/events").await);
+        let mut idle = house.open("/healthz").await;
+        let mut listening = house.open("/api/v1/events").await;
         house.listener.abort();
         ends(&mut idle).await;
         ends(&mut listening).await;
@@ -465,7 +470,8 @@ fn a_full_house_has_room_for_one_more() {
 fn files_that_cannot_be_used_are_all_told() {
     let mut wrong = settings(&["anna"]);
     wrong.users[0].hash = HashSource::File("/nonexistent/anna.hash".into());
-    let (cert_file, key_file) = ("/nonexistent/cert.pem".into(), "/nonexistent/key.pem".into());
+    let cert_file = "/nonexistent/cert.pem".into();
+    let key_file = "/nonexistent/key.pem".into();
     wrong.tls = Some(HttpTls { cert_file, key_file });
     let told = Front::read(&wrong).unwrap_err();
     for part in ["/nonexistent/anna.hash: ", "/nonexistent/cert.pem: ", "/nonexistent/key.pem: "] {

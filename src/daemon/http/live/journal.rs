@@ -57,7 +57,8 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     let Ok(place) = Arc::clone(&live.readers).try_acquire_owned() else {
         return wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading the journal; try again in a moment");
     };
-    let (path, format) = (journal.file().to_owned(), asked.format);
+    let path = journal.file().to_owned();
+    let format = asked.format;
     let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
     match read {
         // What fits into one piece is sent with its length, like other documents.
@@ -118,7 +119,8 @@ impl Reading {
             Format::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
             Format::Csv => (listing::COLUMNS.to_owned(), ""),
         };
-        let (rows, format) = (rows.into_iter(), asked.format);
+        let rows = rows.into_iter();
+        let format = asked.format;
         let mut reading = Self { connection, rows, format, is_first: true, begin, end, _place: place };
         let first = reading.piece()?;
         Ok((reading, first))

@@ -48,7 +48,8 @@ impl Source<'_> {
 
     /// Applies `made` to `line`.
     pub fn line<T>(&self, line: &SharedLine, made: impl FnOnce(&Line<'_>) -> T) -> T {
-        let (report, drives) = (line.report(), line.drives.iter().map(|drive| &drive.description.name));
+        let report = line.report();
+        let drives = line.drives.iter().map(|drive| &drive.description.name);
         made(&Line {
             name: &line.name,
             interface: line.interface,

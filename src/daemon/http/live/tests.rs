@@ -125,7 +125,9 @@ fn a_trip_is_told_once_to_each_who_listens() {
         one.next("state").await;
         let mut tripped = online(clock::now(), 0);
         let record = TripRecord { at: clock::now(), code: Some(7), words: Vec::new() };
-        (tripped.trip.active, tripped.trip.seen, tripped.trip.last) = (Some(true), 1, Some(record));
+        tripped.trip.active = Some(true);
+        tripped.trip.seen = 1;
+        tripped.trip.last = Some(record);
         show(&state, tripped.clone());
         for listening in [&mut one, &mut other] {
             let trip = listening.next("trip").await;

@@ -47,7 +47,8 @@ impl LastState {
 
     /// Events for what is new; empty if nothing is. The configuration must be the same.
     pub fn news(&mut self, source: &Source<'_>) -> String {
-        let (mut events, mut update) = (String::new(), Map::new());
+        let mut events = String::new();
+        let mut update = Map::new();
         let gateway = source.gateway();
         if gateway != self.gateway {
             update.insert("gateway".to_owned(), gateway.document(source.uptime_s()));

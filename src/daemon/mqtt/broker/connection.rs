@@ -150,10 +150,12 @@ async fn carry(
     peer: SocketAddr,
 ) -> io::Result<()> {
     let mut incoming = BytesMut::new();
-    let (mut outgoing, mut sent) = (Vec::new(), 0);
+    let mut outgoing = Vec::new();
+    let mut sent = 0;
     loop {
         if sent == outgoing.len() {
-            (outgoing, sent) = (Vec::new(), 0);
+            outgoing = Vec::new();
+            sent = 0;
             if place.hand_over(&mut outgoing) {
                 break;
             }

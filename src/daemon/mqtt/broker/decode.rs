@@ -162,7 +162,8 @@ fn message(topic: &str, payload: &[u8], qos: Qos, retain: bool, properties: Prop
         return Err(Fault::protocol("a response topic that is not valid"));
     }
     let expiry = properties.number(properties::MESSAGE_EXPIRY).map(|it| Duration::from_secs(u64::from(it)));
-    let (topic, payload) = (topic.into(), payload.to_vec());
+    let topic = topic.into();
+    let payload = payload.to_vec();
     Ok(Message { topic, payload, qos, retain, expiry, properties: properties.passed_on() })
 }
 

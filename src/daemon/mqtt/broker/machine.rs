@@ -243,7 +243,8 @@ impl Machine {
     fn handle(&mut self, id: ConnectionId, session: SessionId, packet: Incoming, now: MonoTime) -> Result<(), Fault> {
         match packet {
             Incoming::Publish { message, packet_id } => {
-                let (qos, post) = (message.qos, Post::new(message, now));
+                let qos = message.qos;
+                let post = Post::new(message, now);
                 return self.published(id, session, qos, packet_id, &post);
             }
             Incoming::Subscribe { packet_id, wanted } => self.subscribe(id, session, packet_id, &wanted),

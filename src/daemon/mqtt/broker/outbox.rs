@@ -228,7 +228,8 @@ fn is_passing(delivery: &Delivery) -> bool {
 fn write(delivery: &Delivery, id: u16, is_repeat: bool, version: Version, now: MonoTime, out: &mut Vec<u8>) {
     let Delivery { post, qos, retain, identifiers } = delivery;
     let packet_id = (*qos != Qos::AtMostOnce).then_some((id, is_repeat));
-    let (message, expiry) = (&*post.message, post.seconds_left(now));
+    let message = &*post.message;
+    let expiry = post.seconds_left(now);
     let packet = Outgoing::Publish { message, qos: *qos, retain: *retain, packet_id, expiry, identifiers };
     encode::packet(&packet, version, out);
 }

@@ -121,7 +121,8 @@ mod tests {
     }
 
     fn topics(retained: &Retained, filter: &str, number: u64, now: MonoTime) -> Vec<String> {
-        let (mut found, mut after) = (Vec::new(), None);
+        let mut found = Vec::new();
+        let mut after = None;
         while let Some(post) = retained.next(filter, after.as_ref(), number, now) {
             after = Some(Arc::clone(&post.message.topic));
             found.push(post.message.topic.to_string());

@@ -21,7 +21,8 @@ async fn a_refused_publication_is_told_with_what_it_means() {
         (0x99, Refusal::Never),
     ];
     let count = reasons.len() as u64;
-    let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..=count).map(with_token).collect()));
+    let stub = Stub::new(version).await;
+    let rig = Rig::greeting((0..=count).map(with_token).collect());
     let told = rig
         .run(&stub, version, async {
             let mut peer = stub.welcome().await;
@@ -46,7 +47,8 @@ async fn a_refused_publication_is_told_with_what_it_means() {
 async fn a_publication_with_a_token_that_cannot_be_sent_is_told_as_refused() {
     for version in VERSIONS {
         let wild = Publication { qos: Qos::AtLeastOnce, token: Some(3), ..text("a/#", "") };
-        let (stub, rig) = (Stub::new(version).await, Rig::greeting(vec![Packet::Publish(wild), with_token(4)]));
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting(vec![Packet::Publish(wild), with_token(4)]);
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let identifier = peer.published().await.identifier;
@@ -69,7 +71,8 @@ async fn until_quiet(peer: &mut Peer) -> Vec<Published> {
 #[tokio::test]
 async fn no_more_is_open_than_the_broker_takes_at_once() {
     let version = Version::V5;
-    let (stub, rig) = (Stub::new(version).await, Rig::greeting((0..20).map(with_token).collect()));
+    let stub = Stub::new(version).await;
+    let rig = Rig::greeting((0..20).map(with_token).collect());
     let told = rig
         .run(&stub, version, async {
             // Receive maximum 3.

@@ -35,7 +35,8 @@ fn a_message_goes_to_those_that_want_it_at_the_lower_of_both_qualities() {
 #[test]
 fn quality_2_is_delivered_once_however_often_it_is_sent() {
     let mut rig = Rig::new();
-    let (writer, reader) = (rig.connect_with(lasting("writer", 60), None).0, rig.connect("reader"));
+    let writer = rig.connect_with(lasting("writer", 60), None).0;
+    let reader = rig.connect("reader");
     rig.subscribe(reader, &[filter("a", QoS::ExactlyOnce)]);
     rig.publish(writer, message("a", "x", QoS::ExactlyOnce));
     rig.machine.closed(writer, rig.now);
@@ -215,7 +216,8 @@ fn the_options_of_mqtt_5_are_kept() {
 #[test]
 fn properties_are_passed_on_and_expiry_counts_down() {
     let mut rig = Rig::new();
-    let (reader, writer) = (rig.connect_with(lasting("reader", 600), None).0, rig.connect("writer"));
+    let reader = rig.connect_with(lasting("reader", 600), None).0;
+    let writer = rig.connect("writer");
     rig.subscribe(reader, &[filter("a", QoS::AtLeastOnce)]);
     let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
     let properties = v5::PublishProperties {

@@ -79,7 +79,8 @@ impl Rig {
     }
 
     fn take(&mut self, id: Id) -> Vec<v5::Packet> {
-        let (mut bytes, mut packets) = (self.sent(id), Vec::new());
+        let mut bytes = self.sent(id);
+        let mut packets = Vec::new();
         while !bytes.is_empty() {
             packets.push(v5::Packet::read(&mut bytes, None).unwrap());
         }
@@ -87,7 +88,8 @@ impl Rig {
     }
 
     fn take_v4(&mut self, id: Id) -> Vec<v4::Packet> {
-        let (mut bytes, mut packets) = (self.sent(id), Vec::new());
+        let mut bytes = self.sent(id);
+        let mut packets = Vec::new();
         while !bytes.is_empty() {
             packets.push(v4::Packet::read(&mut bytes, usize::MAX).unwrap());
         }

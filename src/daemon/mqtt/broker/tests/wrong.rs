@@ -37,7 +37,8 @@ const WRONG: &[(&str, &[u8], u8)] = &[
 fn what_is_wrong_ends_the_connection_with_its_reason() {
     for (name, bytes, reason) in WRONG {
         let mut rig = Rig::new();
-        let (other, id) = (rig.connect("other"), rig.connect("a"));
+        let other = rig.connect("other");
+        let id = rig.connect("a");
         assert!(!rig.bytes(id, bytes), "{name}");
         assert!(rig.machine.is_ending(id), "{name}");
         assert_eq!(farewell(&mut rig, id), *reason, "{name}");
