@@ -89,6 +89,8 @@ mod ownership;
 mod polls;
 #[path = "scenarios/port_comes_and_goes.rs"]
 mod port_comes_and_goes;
+#[path = "scenarios/preconditions.rs"]
+mod preconditions;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

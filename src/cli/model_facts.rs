@@ -85,6 +85,7 @@ impl Unproven {
         for item in &model.setup {
             unproven.add(format!("set-up of {}", item.what), &item.values);
         }
+        unproven.add_some("what the drive says it is", model.identity.as_ref().map(|it| &it.values));
         unproven.add_some("what switches the drive's watchdog off", model.watchdog.as_ref().map(|it| &it.off));
         match &model.codes {
             Some(CodeRule::Groups { origin, .. } | CodeRule::Hexadecimal(origin)) => {

@@ -7,7 +7,7 @@ use super::native;
 use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
@@ -43,6 +43,7 @@ pub(super) fn settle(
     let able = model.filter(|model| can_be_controlled(model, location, problems));
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
+        wired(file, problems);
         basics(file, location, model, problems);
         actions(file, directions.as_deref(), model, problems);
         watchdog::check(file, model, problems);
@@ -53,6 +54,7 @@ pub(super) fn settle(
         from_modbus_tcp: file.names(Way::ModbusTcp).is_some(),
         from_page: file.names(Way::Page).is_some(),
         from_sparkplug: file.names(Way::Sparkplug).is_some(),
+        bus: file.bus.or(BusFunctions::Both)?,
         least,
         most,
         directions: directions?,
@@ -112,6 +114,25 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
             let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
             problems.push(location.problem(what).right("leave it out").warning());
         }
+    }
+}
+
+/// A drive that is started and stopped at its terminals cannot be promised to be stopped over the bus.
+fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
+    let Some(bus) = file.bus.valid().filter(|bus| !bus.value.has_run()) else { return };
+    for action in [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten() {
+        if action.value != FailSafe::Hold {
+            let what = format!(
+                "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
+                bus.value.word()
+            );
+            let right = "\"hold\", with the stop wired to the drive's terminals, or bus = \"both\"";
+            problems.push(action.location.problem(what).right(right));
+        }
+    }
+    if let Some(strict) = file.directions.valid() {
+        let problem = strict.location.problem("the direction is ordered elsewhere: `bus` takes the frequency alone");
+        problems.push(problem.right("leave it out").warning());
     }
 }
 

@@ -4,7 +4,7 @@ use super::broker::Address;
 use super::ready::{PortAddress, Removal, Silence};
 use super::words::{RoleRight, Way};
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
@@ -125,6 +125,7 @@ impl DriveFile {
 #[derive(Debug)]
 pub(super) struct ControlFile {
     pub from: RequiredKey<Vec<Spanned<Way>>>,
+    pub bus: OptionalKey<BusFunctions>,
     pub limits: Option<LimitsFile>,
     pub directions: OptionalKey<Vec<Spanned<Direction>>>,
     pub reverse_below: OptionalKey<Hertz>,

@@ -218,6 +218,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"3s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop, a trip, a lost lease or an outage; over MQTT at least 1.75 s more than `probe_interval`, from the page at least 2.5 s."),
     key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop without effect for this long raises an alarm."),
     key(Section::Control, "stop_pending_for", "\"1s\" to \"1h\"", Some("\"10min\""), "How long a stop waits for a drive that does not answer."),
+    key(Section::Control, "bus", "\"both\", \"frequency\" or \"run\"", Some("\"both\""), "Which functions come over the bus; the others are wired to the drive. With \"frequency\" the drive is started and stopped elsewhere: a stop is sent, but may have no effect, and both fail-safe actions must be \"hold\"."),
     key(Section::Control, "ownership", "\"one\" or \"any\"", Some("\"one\""), "Who may command while a client holds control: only that client, or every client with the rights."),
     key(Section::Control, "allow_take", "true or false", Some("false"), "Whether a client may take control from its holder. The drive keeps running as it is."),
     key(Section::Control, "lease", "\"session\" or \"explicit\"", Some("that of `[mqtt]`"), "What renews the lease over MQTT: a working path through the broker, or only commands and the lease topic."),

@@ -2,7 +2,7 @@
 
 use super::ready::Removal;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::north::mqtt::{LeaseMode, Tree};
 
@@ -98,6 +98,24 @@ pub(super) const fn of_removal(removal: Removal) -> &'static str {
 
 /// Actions of a reload that would remove a drive in use.
 pub const REMOVALS: [(&str, Removal); 2] = [("refuse", Removal::Refuse), ("stop", Removal::Stop)];
+
+/// Which functions come over the bus.
+pub const BUS_FUNCTIONS: [(&str, BusFunctions); 3] = [
+    (BusFunctions::Both.word(), BusFunctions::Both),
+    (BusFunctions::Frequency.word(), BusFunctions::Frequency),
+    (BusFunctions::Run.word(), BusFunctions::Run),
+];
+
+/// What comes over the bus.
+pub(super) const fn of_bus(bus: BusFunctions) -> &'static str {
+    match bus {
+        BusFunctions::Both => "run commands and the setpoint",
+        BusFunctions::Frequency => {
+            "the setpoint alone; start and stop are wired, and a stop over the bus may have no effect"
+        }
+        BusFunctions::Run => "run commands alone; the setpoint is wired",
+    }
+}
 
 /// Actions that may depend on an unproven fact.
 pub const ACTIONS: [(&str, ControlAction); 5] = [

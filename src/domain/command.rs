@@ -241,6 +241,8 @@ pub struct Report {
     pub reason: Reason,
     /// The word that the drive holds instead of the commanded one, if it reported that.
     pub held: Option<u16>,
+    /// The register that holds `held`, if it is not the one that was written.
+    pub register: Option<Address>,
     /// The drive's own exception code.
     pub exception: Option<u8>,
     /// Who holds control, if the command was refused for that.
@@ -251,7 +253,7 @@ impl Report {
     /// An outcome with its reason and no further details.
     #[must_use]
     pub const fn new(outcome: Outcome, reason: Reason) -> Self {
-        Self { outcome, reason, held: None, exception: None, holder: None }
+        Self { outcome, reason, held: None, register: None, exception: None, holder: None }
     }
 
     /// The reason in plain words. A refusal because another client holds control names the holder.
@@ -263,7 +265,10 @@ impl Report {
             None if (self.outcome, self.reason) == (Outcome::Unknown, Reason::LineDown) => {
                 "the line is down: the stop is pending and is sent as soon as the line is back".to_owned()
             }
-            None => self.reason.text().to_owned(),
+            None => match (self.register, self.held) {
+                (Some(register), Some(held)) => format!("{}: register {register} holds {held}", self.reason.text()),
+                _ => self.reason.text().to_owned(),
+            },
         }
     }
 

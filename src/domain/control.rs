@@ -27,6 +27,42 @@ impl FailSafe {
     }
 }
 
+/// Which functions of a drive come over the bus; the others are wired, to its terminals or its panel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum BusFunctions {
+    /// Run commands and the setpoint.
+    #[default]
+    Both,
+    /// The setpoint alone: the drive is started and stopped elsewhere.
+    Frequency,
+    /// Run commands alone: the setpoint comes from elsewhere.
+    Run,
+}
+
+impl BusFunctions {
+    /// The word used in the configuration.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Both => "both",
+            Self::Frequency => "frequency",
+            Self::Run => "run",
+        }
+    }
+
+    /// Whether run commands come over the bus.
+    #[must_use]
+    pub const fn has_run(self) -> bool {
+        matches!(self, Self::Both | Self::Run)
+    }
+
+    /// Whether the setpoint comes over the bus.
+    #[must_use]
+    pub const fn has_frequency(self) -> bool {
+        matches!(self, Self::Both | Self::Frequency)
+    }
+}
+
 /// A control action that may rest on an unproven fact of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ControlAction {
@@ -91,6 +127,8 @@ pub struct ControlSettings {
     pub from_page: bool,
     /// Commands are accepted from Sparkplug B hosts.
     pub from_sparkplug: bool,
+    /// Which functions come over the bus.
+    pub bus: BusFunctions,
     /// Lowest setpoint.
     pub least: Hertz,
     /// Highest setpoint.
@@ -162,6 +200,7 @@ impl ControlSettings {
             from_modbus_tcp: false,
             from_page: false,
             from_sparkplug: false,
+            bus: BusFunctions::Both,
             least,
             most,
             directions: vec![Direction::Forward],

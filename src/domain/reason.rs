@@ -143,6 +143,12 @@ reasons! {
     StopRefused = 53, "stop_refused", "the drive has refused a stop: it is not started until a stop has been effective";
     /// Its time of issue is in the future.
     ClockAhead = 54, "clock_ahead", "the time of issue is ahead of the gateway's clock: set the client's clock";
+    /// A setting of the drive on which the order rests is not what the model requires.
+    Precondition = 55, "precondition", "a setting of the drive must be changed before it can be ordered to do this: see `verify`";
+    /// The drive on this station is not the configured one.
+    OtherDrive = 56, "other_drive", "the drive identifies itself as another model: it is read-only";
+    /// The control section does not take this over the bus.
+    NotOverBus = 57, "not_over_bus", "the control section says that this does not come over the bus (`bus`)";
 }
 
 impl Reason {

@@ -1,7 +1,7 @@
 //! The constant properties of a drive while the gateway runs: names, units, model, limits.
 
 use super::plan::Pace;
-use crate::domain::control::ControlSettings;
+use crate::domain::control::{BusFunctions, ControlSettings};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::profile::model::{Model, Register};
 use std::sync::Arc;
@@ -73,6 +73,12 @@ pub struct DriveDescription {
 }
 
 impl DriveDescription {
+    /// Which functions come over the bus.
+    #[must_use]
+    pub fn bus(&self) -> BusFunctions {
+        self.control.as_ref().map_or(BusFunctions::Both, |control| control.bus)
+    }
+
     /// The age from which a reading of `register` is stale; `None` if the register is not polled.
     #[must_use]
     pub fn stale_after(&self, register: &Register) -> Option<Duration> {

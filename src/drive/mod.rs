@@ -5,6 +5,7 @@ pub mod decode;
 pub mod description;
 pub mod plan;
 pub mod rated;
+pub mod required;
 pub mod run_state;
 pub mod snapshot;
 pub mod status;

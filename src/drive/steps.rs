@@ -1,7 +1,7 @@
 //! Translates an order into a bounded list of steps according to the model.
 
 use crate::domain::address::Address;
-use crate::domain::command::{Direction, Go, RegisterWrite};
+use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::profile::model::{Flag, Model, Register, Role, RunCommand};
@@ -22,6 +22,18 @@ pub enum Step {
         least: u16,
         /// Highest accepted word.
         most: u16,
+    },
+    /// Read a register before anything is written: the masked word must be one of `values`. Otherwise the command is
+    /// refused with `reason`, which names the register and its word.
+    Require {
+        /// The register.
+        address: Address,
+        /// The bits that are compared.
+        mask: u16,
+        /// The acceptable masked words.
+        values: Vec<u16>,
+        /// Why the command is refused otherwise.
+        reason: Reason,
     },
     /// Write a register, or neighbours in one frame, in the order of their addresses. Never empty.
     Write(Vec<Write>),
@@ -129,6 +141,10 @@ pub fn of_go(model: &Model, go: &Go, control: &ControlSettings, last: Option<Her
         return Ok(steps);
     };
     let run = run(model, direction)?;
+    if !control.bus.has_frequency() {
+        steps.push(Step::Write(vec![run]));
+        return Ok(steps);
+    }
     match setpoint_of_run(model, go, last)? {
         Some(frequency) => steps.extend(setpoint_and_run(model, setpoint(model, frequency)?, run)),
         None => {
@@ -215,7 +231,7 @@ pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSte
     if !addresses.iter().all(item) {
         return Err(NoSteps::NotCapable);
     }
-    let items = model.setup.iter().filter_map(|item| Some((item.address?, *item.values.value.first()?)));
+    let items = model.setup.iter().filter_map(|item| Some((item.address?, item.written()?)));
     let wanted = items.filter(|(address, _)| addresses.contains(address));
     Ok(wanted.map(|(address, value)| Step::Write(vec![register(model, RegisterWrite { address, value })])).collect())
 }

@@ -70,7 +70,9 @@ pub fn setup() -> Vec<SetupItem> {
         what: what.to_owned(),
         text: "communication".to_owned(),
         address: Some(address.into()),
+        mask: u16::MAX,
         values: fact(vec![3]),
+        needed_for: Vec::new(),
         interface: None,
     };
     [("F010", 0x0211), ("F011", 0x0212)].map(item).to_vec()

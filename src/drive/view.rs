@@ -4,6 +4,7 @@ use super::snapshot::{DriveSnapshot, Presence};
 use super::watchdog::WatchdogView;
 use crate::domain::address::Address;
 use crate::domain::command::{Owner, Report, RunIntent};
+use crate::domain::control::BusFunctions;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use std::time::Duration;
@@ -51,6 +52,17 @@ pub struct StatusView {
 }
 
 impl StatusView {
+    /// The same, where only the functions of `bus` are meant to come over the bus: where the others come from is no
+    /// concern.
+    #[must_use]
+    pub const fn of(self, bus: BusFunctions) -> Self {
+        Self {
+            bus_run: if bus.has_run() { self.bus_run } else { None },
+            bus_frequency: if bus.has_frequency() { self.bus_frequency } else { None },
+            ..self
+        }
+    }
+
     /// Whether panel or terminals give the run commands or the frequency; `None` if not known.
     #[must_use]
     pub const fn is_local(&self) -> Option<bool> {

@@ -151,7 +151,7 @@ impl List {
         let Stage::Step(index) = self.stage else { return None };
         match self.approved.steps().get(index)? {
             Step::Rest(rest) => Some(now + *rest),
-            Step::Check { .. } | Step::Write(_) => None,
+            Step::Check { .. } | Step::Require { .. } | Step::Write(_) => None,
         }
     }
 
@@ -175,7 +175,7 @@ impl List {
         let (sent, left) = self.approved.steps().split_at_checked(index + usize::from(is_on_the_wire))?;
         let rest = left.iter().find_map(|step| match step {
             Step::Rest(rest) => Some(*rest),
-            Step::Check { .. } | Step::Write(_) => None,
+            Step::Check { .. } | Step::Require { .. } | Step::Write(_) => None,
         })?;
         let stop = self.first_word();
         sent.iter().flat_map(writes_of).any(|write| Some(write.value) != stop).then_some(rest)
@@ -229,6 +229,13 @@ impl List {
     /// The next request is sent.
     pub fn was_sent(&mut self) {
         self.has_begun |= !self.present_writes().is_empty();
+    }
+
+    /// Whether the next request reads what the drive is.
+    #[must_use]
+    pub fn reads_identity(&self) -> bool {
+        let Stage::Step(index) = self.stage else { return false };
+        matches!(self.approved.steps().get(index), Some(Step::Require { reason: Reason::OtherDrive, .. }))
     }
 
     /// The writes in the next request; empty if it is a read.
@@ -340,7 +347,13 @@ impl List {
                 Some(word) if (least..=most).contains(&word) => self.go_on_from(index),
                 _ => Next::Ends(Report::refused(Reason::SetpointUnknown)),
             },
-            (Some(Step::Check { .. }), _) => self.unanswered(),
+            (Some(Step::Require { address, mask, values, reason }), Reply::Words(words)) => match words.first() {
+                Some(word) if values.contains(&(word & mask)) => self.go_on_from(index),
+                word => {
+                    Next::Ends(Report { held: word.copied(), register: Some(*address), ..Report::refused(*reason) })
+                }
+            },
+            (Some(Step::Check { .. } | Step::Require { .. }), _) => self.unanswered(),
             (Some(Step::Write(writes)), Reply::Holds { value }) if writes.iter().any(|it| it.value != *value) => {
                 let kept = Report::new(Outcome::Failed, Reason::KeptOldValue);
                 Next::Ends(Report { held: Some(*value), ..kept })
@@ -394,6 +407,6 @@ impl List {
 fn writes_of(step: &Step) -> &[Write] {
     match step {
         Step::Write(writes) => writes,
-        Step::Check { .. } | Step::Rest(_) => &[],
+        Step::Check { .. } | Step::Require { .. } | Step::Rest(_) => &[],
     }
 }

@@ -78,7 +78,9 @@ impl Approved {
                     Some(Request::WriteMultiple { address: first.address, values })
                 }
             },
-            Step::Check { address, .. } => Some(Request::Read { address: *address, count: 1 }),
+            Step::Check { address, .. } | Step::Require { address, .. } => {
+                Some(Request::Read { address: *address, count: 1 })
+            }
             Step::Rest(_) => None,
         }
     }

@@ -7,6 +7,7 @@ use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origi
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
+use crate::drive::required;
 use crate::drive::steps::{self, NoSteps};
 use std::time::Duration;
 
@@ -69,6 +70,7 @@ impl DriveGuard {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let origin = command.origin;
         may_come_from(&control, origin.owner, &command.order)?;
+        comes_over_the_bus(&control, &command.order)?;
         if ends_a_reset(&command.order) {
             self.resetting.remove(origin.owner);
         }
@@ -167,6 +169,9 @@ impl DriveGuard {
     pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
         let owner = command.origin.owner;
         let start_before = command.start_before;
+        let mut all = required::before(&self.model, &order, self.is_identified);
+        all.extend(steps);
+        let steps = all;
         Approved { order, owner, stops: self.stops(), start_before, steps }
     }
 }
@@ -203,6 +208,18 @@ fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Resu
         Owner::Local => true,
     };
     if allowed { Ok(()) } else { Err(refused(Reason::NotFromHere)) }
+}
+
+/// What is wired is not ordered over the bus. A stop is sent all the same: on some drives it acts whatever they obey, and
+/// its outcome tells whether it did.
+fn comes_over_the_bus(control: &ControlSettings, order: &Order) -> Result<(), Report> {
+    let bus = control.bus;
+    let may = match order {
+        Order::Go(go) => (go.run().is_none() || bus.has_run()) && (go.frequency().is_none() || bus.has_frequency()),
+        Order::Coast | Order::Reset | Order::Release => bus.has_run(),
+        Order::Stop { .. } | Order::Setup(_) | Order::Take | Order::Renew | Order::EndReset => true,
+    };
+    if may { Ok(()) } else { Err(refused(Reason::NotOverBus)) }
 }
 
 fn may_stop(origin: Origin) -> Result<(), Report> {

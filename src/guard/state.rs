@@ -48,6 +48,8 @@ pub struct DriveGuard {
     pub(super) is_ending: bool,
     pub(super) interlocks: Interlocks,
     /// The drive is about to leave the configuration.
+    /// The drive's identity was read since it came into sight, and is that of its model.
+    pub(super) is_identified: bool,
     pub(super) is_leaving: bool,
 }
 
@@ -107,6 +109,7 @@ impl DriveGuard {
             is_released: false,
             is_ending: false,
             interlocks: Interlocks::default(),
+            is_identified: false,
             is_leaving: false,
         }
     }
@@ -240,6 +243,16 @@ impl DriveGuard {
     pub fn lost_touch(&mut self, now: MonoTime) {
         self.inhibit(now);
         self.setpoint_may_be_lost();
+    }
+
+    /// The drive was read to be of its model.
+    pub const fn was_identified(&mut self) {
+        self.is_identified = true;
+    }
+
+    /// The drive is out of sight: another one may answer when it is back.
+    pub const fn may_be_another(&mut self) {
+        self.is_identified = false;
     }
 
     /// Control was returned to panel or terminals: it has no owner here, and a client must stop before it starts.

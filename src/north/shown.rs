@@ -85,14 +85,15 @@ pub fn presence(view: &DriveView) -> &'static str {
 pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
     let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
     let may = |action| run.may(action, &control.accept_unverified);
+    let has_run = control.bus.has_run();
     let table = [
         ("stop", true),
-        ("frequency", true),
-        ("forward", control.directions.contains(&Direction::Forward)),
-        ("reverse", control.directions.contains(&Direction::Reverse) && may(ControlAction::Reverse)),
-        ("coast", may(ControlAction::Coast)),
-        ("reset", may(ControlAction::Reset)),
-        ("release", control.allow_release && may(ControlAction::Release)),
+        ("frequency", control.bus.has_frequency()),
+        ("forward", has_run && control.directions.contains(&Direction::Forward)),
+        ("reverse", has_run && control.directions.contains(&Direction::Reverse) && may(ControlAction::Reverse)),
+        ("coast", has_run && may(ControlAction::Coast)),
+        ("reset", has_run && may(ControlAction::Reset)),
+        ("release", has_run && control.allow_release && may(ControlAction::Release)),
         ("take", control.allow_take),
     ];
     words(&table)

@@ -1,7 +1,8 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
 use super::model::{
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, PollClass, RefusedWrite, Role,
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, NeededFor, PollClass, RefusedWrite,
+    Role,
 };
 
 /// The table of an enumeration that defines its own words.
@@ -61,6 +62,10 @@ pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::Hi
 /// Appearances of a refused write.
 pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
     [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
+
+/// The orders that a setting is needed for.
+pub(super) const NEEDED_FOR: [(&str, NeededFor); 3] =
+    [("run", NeededFor::Run), ("reverse", NeededFor::Reverse), ("setpoint", NeededFor::Setpoint)];
 
 /// Kinds of documents.
 pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(

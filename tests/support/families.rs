@@ -17,6 +17,13 @@ pub fn models() -> Vec<Arc<Model>> {
     catalog.ids().map(|id| Arc::clone(catalog.find(id).expect("it is listed"))).collect()
 }
 
+/// The model called `id` with a change.
+pub fn model_with(id: &str, change: impl FnOnce(&mut Model)) -> Arc<Model> {
+    let mut model = Model::clone(&model(id));
+    change(&mut model);
+    Arc::new(model)
+}
+
 /// Everything that a model has, proven or not; no native register.
 pub fn accepting() -> ControlSettings {
     let accept_unverified = ControlAction::ALL.to_vec();

@@ -6,7 +6,7 @@ use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
 use crate::domain::address::Address;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, Ownership};
 use crate::line::budget::{Budget, PlannedRead};
 use crate::line::timeouts::Class;
 use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
@@ -37,7 +37,8 @@ pub(super) fn describe(
     if let Some(control) = &drive.control {
         commands(text, control, model, mqtt)?;
         native(text, control, model)?;
-        setup(text, model, line)?;
+        setup(text, model, line, control.bus)?;
+        wired(text, control.bus)?;
     }
     if let Some(watchdog) = &model.watchdog {
         watchdog_of(text, watchdog, model)?;
@@ -195,8 +196,21 @@ fn memory(listed: Listed<'_>) -> &'static str {
     }
 }
 
-fn setup(text: &mut String, model: &Model, line: &LineSettings) -> Result {
-    let concerns = |item: &&SetupItem| item.interface.is_none_or(|interface| interface == line.interface);
+/// What the gateway cannot do on a drive of which a function is wired.
+fn wired(text: &mut String, bus: BusFunctions) -> Result {
+    match bus {
+        BusFunctions::Both => Ok(()),
+        BusFunctions::Frequency => {
+            writeln!(text, "    only the setpoint comes over the bus: the drive is started and stopped elsewhere,")?;
+            writeln!(text, "    and a STOP that is sent may have no effect (`not_effective` then)")
+        }
+        BusFunctions::Run => writeln!(text, "    only run commands come over the bus: the speed is set elsewhere"),
+    }
+}
+
+fn setup(text: &mut String, model: &Model, line: &LineSettings, bus: BusFunctions) -> Result {
+    let is_of_line = |item: &SetupItem| item.interface.is_none_or(|interface| interface == line.interface);
+    let concerns = |item: &&SetupItem| is_of_line(item) && item.concerns(model, bus);
     let items: Vec<_> = model.setup.iter().filter(concerns).collect();
     if !items.is_empty() {
         writeln!(text, "    must be set on the drive, in this order:")?;

@@ -2,7 +2,9 @@
 
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
-use super::super::words::{self, ACTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS, Way};
+use super::super::words::{
+    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS, Way,
+};
 use super::tables::refuse_not_served;
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
@@ -27,6 +29,7 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
     refuse_not_served(&mut reader, Section::Control);
     let control = ControlFile {
         from: reader.required_list("from", &Kind::choice(&WAYS, Way::meaning)),
+        bus: reader.optional("bus", &Kind::choice(&BUS_FUNCTIONS, words::of_bus)),
         limits: read_limits(&mut reader),
         directions: reader.list("directions", &Kind::choice(&DIRECTIONS, words::of_direction)),
         reverse_below: read_hertz(&mut reader, "reverse_below_hz"),

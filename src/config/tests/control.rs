@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::guard::COMMAND_DEADLINE;
 
@@ -37,6 +37,7 @@ fn a_control_section_gets_its_defaults() {
             from_modbus_tcp: true,
             from_page: false,
             from_sparkplug: false,
+            bus: BusFunctions::Both,
             least: Hertz::from_millihertz(5000),
             most: Hertz::from_millihertz(50_000),
             directions: vec![Direction::Forward],
@@ -62,6 +63,16 @@ fn a_control_section_gets_its_defaults() {
         }
     );
     assert_eq!(good(CONTROLLED).lines[0].drives[1].control, None, "read-only from everywhere");
+}
+
+#[test]
+fn a_wired_stop_is_promised_by_nobody() {
+    let bus = |word: &str| with(CONTROLLED, "lost_after", &format!("bus = '{word}'\nlost_after"));
+    assert_eq!(good(&bus("run")).lines[0].drives[0].control.as_ref().unwrap().bus, BusFunctions::Run);
+    let held = bus("frequency").replace("on_commander_lost = \"stop\"", "on_commander_lost = \"hold\"");
+    assert_eq!(good(&held).lines[0].drives[0].control.as_ref().unwrap().bus, BusFunctions::Frequency);
+    let found = problems(&bus("frequency"));
+    assert!(found.iter().any(|it| it.contains("so this cannot be relied on; \"hold\"")), "{found:?}");
 }
 
 #[test]

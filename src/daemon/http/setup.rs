@@ -57,7 +57,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
     let mut changes = Vec::with_capacity(items.len());
     for item in items {
         let what = item.what.as_str();
-        let new = item.values.value.first().copied();
+        let new = item.written();
         let old = old.iter().find(|(at, _)| Some(*at) == item.address).and_then(|(_, found)| found.as_ref().ok());
         let outcome = report.outcome.word();
         let reason = report.reason.word();
@@ -84,7 +84,10 @@ pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value 
 fn concerned<'d>(side: &LocalSide, drive: &'d SharedDrive) -> impl Iterator<Item = &'d SetupItem> + use<'d> {
     let interface = side.shared().line(drive.description.place).map(|line| line.interface);
     let concerns = move |of: Option<Interface>| of.is_none() || of == interface;
-    drive.description.model.setup.iter().filter(move |item| concerns(item.interface))
+    let description = &drive.description;
+    let bus = description.bus();
+    let items = description.model.setup.iter();
+    items.filter(move |item| concerns(item.interface) && item.concerns(&description.model, bus))
 }
 
 fn is_among(item: &SetupItem, addresses: &[Address]) -> bool {
@@ -107,7 +110,7 @@ async fn read(side: &LocalSide, place: DriveRef, addresses: impl Iterator<Item =
 fn is_right(item: &SetupItem, found: Option<&Found>) -> bool {
     match found {
         None => item.address.is_none(),
-        Some(Ok(word)) => item.values.value.contains(word),
+        Some(Ok(word)) => item.is_right(*word),
         Some(Err(_)) => false,
     }
 }

@@ -185,12 +185,16 @@ impl DriveWork {
     pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
         let Some(mut list) = self.current.take() else { return };
         let written: Vec<StepPart> = list.present_writes().iter().map(|write| write.part).collect();
+        let reads_identity = list.reads_identity();
         let in_question: Vec<StepPart> = list.writes_in_question().iter().map(|write| write.part).collect();
         let mut next = match ending {
             Ending::Reply(reply) => list.answered(reply, now),
             Ending::Exception(code) => list.excepted(*code),
             Ending::Garbled | Ending::Silent => list.unanswered(),
         };
+        if reads_identity && matches!((ending, next), (Ending::Reply(_), Next::Goes(_))) {
+            self.guard.was_identified();
+        }
         if matches!(ending, Ending::Garbled | Ending::Silent) {
             written.iter().for_each(|part| self.part_in_doubt(*part, now));
         }

@@ -17,7 +17,7 @@ use super::stop::StopLatch;
 use super::waiter::Waiter;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Owner, Reason, Report};
-use crate::domain::control::ControlSettings;
+use crate::domain::control::{BusFunctions, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
@@ -218,7 +218,8 @@ impl DriveWork {
     /// Status flags other than the run state.
     #[must_use]
     pub fn status_view(&self) -> StatusView {
-        self.status.view()
+        let bus = self.guard.control().map_or(BusFunctions::Both, |control| control.bus);
+        self.status.view().of(bus)
     }
 
     /// Until when the drive ignores requests, if that has just begun.
@@ -285,6 +286,7 @@ impl DriveWork {
         let unread = self.trips.lost_sight();
         self.trip(unread, out);
         self.guard.lost_touch(out.now());
+        self.guard.may_be_another();
         self.cut_motion(Reason::Offline, out);
     }
 
@@ -305,7 +307,7 @@ impl DriveWork {
             stop_refused: self.is_stop_refused,
             output: self.output.raw().filter(|_| is_fresh).map(|raw| Hertz::from_word(raw, scale)),
             turns: self.turns(),
-            is_local: self.status.view().is_local(),
+            is_local: self.status_view().is_local(),
             is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
         }
     }

@@ -17,10 +17,10 @@ pub(super) use facts::{FactFile, Origin};
 pub(super) use link::{LinkFile, TimingFile};
 pub(super) use quirks::QuirksFile;
 pub(super) use run::{FormWord, Order, RunFile};
-pub(super) use setup::{SetupFile, WatchdogFile};
+pub(super) use setup::{IdentityFile, SetupFile, WatchdogFile};
 pub(super) use status::{CodeFile, StatusFile};
 
-use super::model::{Model, PollClass, Quirks, Register, Watchdog};
+use super::model::{Identity, Model, PollClass, Quirks, Register, SetupItem, Watchdog};
 use super::register::RegisterFile;
 use crate::domain::problem::Problem;
 use crate::toml_file::values::Kind;
@@ -46,6 +46,7 @@ pub(super) struct ModelFile {
     pub status: Vec<StatusFile>,
     pub trips: Vec<CodeFile>,
     pub setup: Vec<SetupFile>,
+    pub identity: OptionalKey<IdentityFile>,
     pub watchdog: OptionalKey<WatchdogFile>,
     pub codes: OptionalKey<CodesFile>,
     pub registers: Vec<RegisterFile>,
@@ -76,6 +77,7 @@ impl ModelFile {
             status: all(&mut reader, "status", |reader| StatusFile::read(proven, reader)),
             trips: all(&mut reader, "trip", |reader| CodeFile::read(proven, 0..=u16::MAX, reader)),
             setup: all(&mut reader, "setup", |reader| SetupFile::read(proven, reader)),
+            identity: given(&mut reader, "identity", |reader| IdentityFile::read(proven, reader)),
             watchdog: given(&mut reader, "watchdog", |reader| WatchdogFile::read(proven, reader)),
             codes: given(&mut reader, "codes", |reader| CodesFile::read(proven, reader)),
             registers: all(&mut reader, "register", |mut reader| {
@@ -93,8 +95,11 @@ impl ModelFile {
         let mut registers = self.registers.iter().map(RegisterFile::register).collect::<Option<Vec<_>>>()?;
         registers.sort_by_key(|register| register.address);
         let watchdog = made(&self.watchdog, |it| it.ready(&self.registers))?;
+        let identity = made(&self.identity, |it| it.ready(&self.registers))?;
+        let setup = each(&self.setup, |it| it.ready(&self.registers))?;
         for register in &mut registers {
             poll_watchdog(watchdog.as_ref(), register);
+            poll_what_orders_need(&setup, identity.as_ref(), register);
         }
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
@@ -112,7 +117,8 @@ impl ModelFile {
             run: made(&self.run, RunFile::ready)?,
             status: each(&self.status, |it| it.ready(&self.registers))?,
             trip_codes: each(&self.trips, CodeFile::ready)?,
-            setup: each(&self.setup, |it| it.ready(&self.registers))?,
+            setup,
+            identity,
             watchdog,
             codes: made(&self.codes, CodesFile::ready)?,
             registers,
@@ -125,6 +131,18 @@ fn poll_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
     let is_part = |it: &Watchdog| it.time == register.address || it.action == Some(register.address);
     if watchdog.is_some_and(is_part) && matches!(register.poll, None | Some(PollClass::Hourly)) {
         register.poll = Some(PollClass::Minutely);
+    }
+}
+
+/// The settings on which orders rest are polled at least once a minute, so that a wrong one is shown before an order is
+/// refused; the drive's identity is polled every hour.
+fn poll_what_orders_need(setup: &[SetupItem], identity: Option<&Identity>, register: &mut Register) {
+    let is_needed = |item: &SetupItem| item.address == Some(register.address) && !item.needed_for.is_empty();
+    if setup.iter().any(is_needed) && matches!(register.poll, None | Some(PollClass::Hourly)) {
+        register.poll = Some(PollClass::Minutely);
+    }
+    if identity.is_some_and(|identity| identity.address == register.address) {
+        register.poll = Some(register.poll.unwrap_or(PollClass::Hourly));
     }
 }
 

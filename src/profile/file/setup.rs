@@ -1,9 +1,11 @@
-//! `[[setup]]` and `[watchdog]`: required drive settings, and how the drive monitors its communication.
+//! `[[setup]]`, `[identity]` and `[watchdog]`: required drive settings, how the drive tells what it is, and how it
+//! monitors its communication.
 
 use super::facts::{Facts, Origin, fact, filled_with};
 use crate::domain::link::Interface;
-use crate::profile::model::{SetupItem, Watchdog};
-use crate::profile::register::{RegisterFile, address_of};
+use crate::profile::model::{Identity, NeededFor, SetupItem, Watchdog};
+use crate::profile::register::{RegisterFile, address_of, meanings};
+use crate::profile::words::NEEDED_FOR;
 use crate::toml_file::values::Kind;
 use crate::toml_file::words::INTERFACES;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
@@ -14,7 +16,9 @@ pub(in crate::profile) struct SetupFile {
     what: RequiredKey<String>,
     text: RequiredKey<String>,
     pub register: OptionalKey<String>,
+    pub mask: OptionalKey<u16>,
     pub values: OptionalKey<Vec<Spanned<u16>>>,
+    pub needed_for: OptionalKey<Vec<Spanned<NeededFor>>>,
     pub interface: OptionalKey<Interface>,
     origin: Option<Origin>,
 }
@@ -27,12 +31,14 @@ impl SetupFile {
             what: reader.required("what", &Kind::text()),
             text: reader.required("text", &Kind::text()),
             register: reader.optional("register", &Kind::text()),
+            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
             values: match reader.list("values", &word) {
                 OptionalKey::Valid(list) => {
                     filled_with(list, &word, reader.problems()).map_or(OptionalKey::Invalid, OptionalKey::Valid)
                 }
                 other => other,
             },
+            needed_for: reader.list("needed_for", &Kind::one_of(&NEEDED_FOR)),
             interface: reader.optional("interface", &Kind::one_of(&INTERFACES)),
             origin: facts.origin(&mut reader),
         };
@@ -50,7 +56,13 @@ impl SetupFile {
                 None => None,
                 Some(name) => Some(address_of(&name, registers)?),
             },
+            mask: self.mask.or(u16::MAX)?,
             values: fact(values.into_iter().map(|word| word.value).collect(), self.origin.as_ref())?,
+            needed_for: match &self.needed_for {
+                OptionalKey::Absent => Vec::new(),
+                OptionalKey::Invalid => return None,
+                OptionalKey::Valid(needs) => needs.value.iter().map(|need| need.value).collect(),
+            },
             interface: self.interface.clone().optional()?,
         })
     }
@@ -62,6 +74,43 @@ fn words_of(list: &OptionalKey<Vec<Spanned<u16>>>) -> Option<Option<Vec<u16>>> {
         OptionalKey::Absent => Some(None),
         OptionalKey::Invalid => None,
         OptionalKey::Valid(words) => Some(Some(words.value.iter().map(|word| word.value).collect())),
+    }
+}
+
+/// `[identity]`
+pub(in crate::profile) struct IdentityFile {
+    pub register: RequiredKey<String>,
+    pub mask: OptionalKey<u16>,
+    pub values: RequiredKey<Vec<Spanned<u16>>>,
+    others: Vec<(u16, String)>,
+    origin: Option<Origin>,
+}
+
+impl IdentityFile {
+    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let word = Kind::number(0..=u16::MAX);
+        let identity = Self {
+            register: reader.required("register", &Kind::text()),
+            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            values: reader
+                .required_list("values", &word)
+                .and_then(|values| filled_with(values, &word, reader.problems())),
+            others: meanings(&mut reader, "others"),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        identity
+    }
+
+    /// `None` if any part is unusable.
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Identity> {
+        let values = self.values.as_ref()?.value.iter().map(|word| word.value).collect();
+        Some(Identity {
+            address: address_of(&self.register.as_ref()?.value, registers)?,
+            mask: self.mask.or(u16::MAX)?,
+            values: fact(values, self.origin.as_ref())?,
+            others: self.others.clone(),
+        })
     }
 }
 

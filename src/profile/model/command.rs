@@ -2,7 +2,7 @@
 
 use super::{Confidence, Fact, FactPart, Model, Role};
 use crate::domain::address::Address;
-use crate::domain::control::ControlAction;
+use crate::domain::control::{BusFunctions, ControlAction};
 use crate::domain::link::Interface;
 
 /// How run commands are given: words written to one register.
@@ -184,10 +184,79 @@ pub struct SetupItem {
     pub text: String,
     /// The register, if it is readable and writable over the bus. `None`: it is set at the drive itself.
     pub address: Option<Address>,
-    /// The acceptable words; the first one is written. Empty without a register.
+    /// The bits of the word that count; all of them unless the file names some.
+    pub mask: u16,
+    /// The acceptable masked words; the first one is written if all bits count. Empty without a register.
     pub values: Fact<Vec<u16>>,
+    /// The orders that are refused while the register holds another word.
+    pub needed_for: Vec<NeededFor>,
     /// The only interface that it applies to. `None`: all.
     pub interface: Option<Interface>,
+}
+
+impl SetupItem {
+    /// Whether `word` in its register is right.
+    #[must_use]
+    pub fn is_right(&self, word: u16) -> bool {
+        self.values.value.contains(&(word & self.mask))
+    }
+
+    /// Whether it concerns a drive of `model` of which `bus` comes over the bus: who gives a wired function is no concern.
+    #[must_use]
+    pub fn concerns(&self, model: &Model, bus: BusFunctions) -> bool {
+        let role = self.address.and_then(|address| model.register_at(address)?.role);
+        match role {
+            Some(Role::RunSource) => bus.has_run(),
+            Some(Role::FrequencySource) => bus.has_frequency(),
+            _ => true,
+        }
+    }
+
+    /// The word that is written to make it right; `None` if it can be set at the drive only, because it has no register
+    /// or shares one with other settings.
+    #[must_use]
+    pub fn written(&self) -> Option<u16> {
+        let is_whole = self.address.is_some() && self.mask == u16::MAX;
+        is_whole.then(|| self.values.value.first().copied())?
+    }
+}
+
+/// An order that rests on a setting of the drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum NeededFor {
+    /// RUN in either direction.
+    Run,
+    /// RUN in reverse.
+    Reverse,
+    /// A setpoint.
+    Setpoint,
+}
+
+/// How a drive tells what it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identity {
+    /// The register.
+    pub address: Address,
+    /// The bits that count.
+    pub mask: u16,
+    /// The masked words of drives of this model.
+    pub values: Fact<Vec<u16>>,
+    /// Masked words of other drives, with their names.
+    pub others: Vec<(u16, String)>,
+}
+
+impl Identity {
+    /// Whether `word` is that of a drive of this model.
+    #[must_use]
+    pub fn is_right(&self, word: u16) -> bool {
+        self.values.value.contains(&(word & self.mask))
+    }
+
+    /// What a drive with `word` seems to be; `None` if the model does not know it.
+    #[must_use]
+    pub fn other(&self, word: u16) -> Option<&str> {
+        self.others.iter().find(|(other, _)| *other == word & self.mask).map(|(_, name)| name.as_str())
+    }
 }
 
 /// The drive's own watchdog for its communication.

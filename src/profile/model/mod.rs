@@ -12,7 +12,8 @@ mod watchdog;
 
 pub use codes::CodeRule;
 pub use command::{
-    Basic, BitMeaning, BlockWrite, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog, WriteRules,
+    Basic, BitMeaning, BlockWrite, Identity, NeededFor, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog,
+    WriteRules,
 };
 pub use document::{Document, DocumentKind};
 pub use groups::{Group, NUMBERS_MAX};
@@ -114,6 +115,8 @@ pub struct Model {
     pub trip_codes: Vec<CodeText>,
     /// The settings that the drive needs before it obeys the bus, in order.
     pub setup: Vec<SetupItem>,
+    /// How the drive tells what it is, if it does.
+    pub identity: Option<Identity>,
     /// The drive's own watchdog, if it is documented.
     pub watchdog: Option<Watchdog>,
     /// How codes map to addresses, if there is a rule.

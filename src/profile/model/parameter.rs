@@ -74,7 +74,7 @@ impl Model {
     /// Whether `word` at `address` satisfies an item of the set-up.
     #[must_use]
     pub fn is_set_up_by(&self, address: Address, word: u16) -> bool {
-        self.setup.iter().any(|item| item.address == Some(address) && item.values.value.contains(&word))
+        self.setup.iter().any(|item| item.address == Some(address) && item.is_right(word))
     }
 }
 

@@ -119,7 +119,7 @@ impl RegisterFile {
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
         register.memory = reader.optional("memory", &Kind::one_of(&MEMORIES));
         register.range = register.read_range(&mut reader);
-        register.meanings = meanings(&mut reader);
+        register.meanings = meanings(&mut reader, "values");
         register.back_door = reader.optional("back_door", &Kind::text());
         register.is_link = reader.optional("link", &Kind::flag());
         register.not_stated = reader.list("not_stated", &Kind::one_of(&PARTS));
@@ -166,8 +166,8 @@ impl RegisterFile {
 }
 
 /// The table `values`: the meanings of a register's words, in order of the words.
-fn meanings(reader: &mut Reader<'_, '_>) -> Vec<(u16, String)> {
-    let OptionalKey::Valid(Spanned { value: section, location }) = reader.table("values") else { return Vec::new() };
+pub(super) fn meanings(reader: &mut Reader<'_, '_>, key: &'static str) -> Vec<(u16, String)> {
+    let OptionalKey::Valid(Spanned { value: section, location }) = reader.table(key) else { return Vec::new() };
     let inner = reader.open(section);
     let is_empty = inner.is_empty();
     let all = inner.all(&Kind::text());

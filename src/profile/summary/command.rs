@@ -3,8 +3,8 @@
 use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
 use crate::domain::control::ControlAction;
-use crate::profile::model::{Model, RunCommand, RunForm};
-use crate::profile::words::BIT_MEANINGS;
+use crate::profile::model::{Model, RunCommand, RunForm, SetupItem};
+use crate::profile::words::{BIT_MEANINGS, NEEDED_FOR};
 use crate::toml_file::words::{INTERFACES, word_for};
 
 pub(super) fn run_commands(run: &RunCommand) -> Vec<Row> {
@@ -53,6 +53,9 @@ pub(super) fn unproven_actions(model: &Model, run: &RunCommand) -> Vec<Row> {
 pub(super) fn setup(model: &Model) -> Vec<Row> {
     let rows = model.setup.iter().map(|item| {
         let setting = match item.address {
+            Some(address) if item.mask != u16::MAX => {
+                format!("{} & 0x{:04X} = {}", name_at(model, address), item.mask, choice(&item.values.value))
+            }
             Some(address) => format!("{} = {}", name_at(model, address), choice(&item.values.value)),
             None => "at the drive".to_owned(),
         };
@@ -67,6 +70,23 @@ pub(super) fn setup(model: &Model) -> Vec<Row> {
         ]
     });
     rows.collect()
+}
+
+/// The orders that are refused while a setting is wrong.
+pub(super) fn needed(model: &Model) -> Vec<Row> {
+    let needed = model.setup.iter().filter(|item| !item.needed_for.is_empty());
+    let orders = |item: &SetupItem| list(item.needed_for.iter().map(|need| word_for(&NEEDED_FOR, need)));
+    needed.map(|item| vec![item.what.clone(), orders(item)]).collect()
+}
+
+pub(super) fn identity(model: &Model) -> Vec<Row> {
+    let Some(identity) = &model.identity else { return Vec::new() };
+    let mask = if identity.mask == u16::MAX { String::new() } else { format!(" & 0x{:04X}", identity.mask) };
+    let words = identity.values.value.iter().map(|word| format!("0x{word:04X}")).collect::<Vec<_>>().join(" or ");
+    let mut rows =
+        vec![row("register", format!("{}{mask} = {words}", name_at(model, identity.address)), &identity.values)];
+    rows.extend(identity.others.iter().map(|(word, name)| vec![format!("0x{word:04X}"), name.clone()]));
+    rows
 }
 
 pub(super) fn watchdog(model: &Model) -> Vec<Row> {

@@ -37,6 +37,8 @@ pub fn summary(model: &Model) -> String {
         section(&mut text, heading, command::unproven_actions(model, run));
     }
     section(&mut text, "Set-up, in this order", command::setup(model));
+    section(&mut text, "Orders that are refused while a setting is wrong", command::needed(model));
+    section(&mut text, "Identity", command::identity(model));
     section(&mut text, "Watchdog of the drive", command::watchdog(model));
     section(&mut text, "Status", registers::status(model));
     section(&mut text, "Trips", registers::trips(model));

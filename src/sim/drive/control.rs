@@ -158,7 +158,7 @@ impl SimDrive {
         if demanded.peek().is_none() {
             return word == self.options.communication;
         }
-        demanded.any(|item| item.values.value.contains(&word))
+        demanded.any(|item| item.is_right(word))
     }
 
     fn can_take_frequency(&self) -> bool {

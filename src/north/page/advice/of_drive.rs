@@ -157,6 +157,8 @@ fn refused(last: &Report) -> Option<String> {
         }
         (_, Reason::DriveException) => "look up the register and what may be written to it in the drive's manual",
         (_, Reason::LocalControl) => "give control to the bus at the drive",
+        (_, Reason::Precondition) => "`vfd-gateway verify` lists what must be set, `enable` sets it",
+        (_, Reason::OtherDrive) => "check the station number and the model in the configuration",
         (_, Reason::SetpointUnknown) => "command a frequency first",
         (_, Reason::Unverified) => "list the action under `accept_unverified` once it was tried with care",
         _ => return None,
