@@ -13,11 +13,11 @@ pub struct Credentials {
 }
 
 impl Credentials {
-    /// Reads the file. Empty lines and those that begin with `#` are passed over.
+    /// Reads the file. Empty lines and those that begin with `#` are ignored.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let text = input::read(path)?;
         let users = parse(&text).map_err(|line| {
-            // What stands there may be a password.
+            // The line is not shown: it may contain a password.
             Failure::wrong(format!("{}:{line}: not of the form `user:password`", path.display()))
         })?;
         Ok(Self { path: path.to_owned(), users })
@@ -30,7 +30,7 @@ impl Credentials {
     }
 }
 
-/// The users; or the number of the first line that is wrong.
+/// The users, or the number of the first invalid line.
 fn parse(text: &str) -> Result<BTreeMap<String, Secret>, usize> {
     let lines = (1_usize..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     lines

@@ -1,5 +1,5 @@
-//! `vfd-fleet`: many gateways on one broker, to find out how large it has to be. A program of its own, so that the gateway
-//! holds nothing of it.
+//! `vfd-fleet`: many gateways on one broker, to find out how large it has to be. A separate program, so that the
+//! gateway contains nothing of it.
 
 mod books;
 mod credentials;
@@ -16,7 +16,7 @@ use vfd_gateway::cli::own_models::ModelDirs;
 use vfd_gateway::cli::progress::Bar;
 use vfd_gateway::cli::{Failure, log, print};
 
-/// What `--help` teaches beside the options.
+/// The text of `--help` after the options.
 const ABOUT: &str = "\
 Every message carries a number, and consumers book what comes: at quality of service 1 nothing that the broker has \
 acknowledged may be missing. An update that finds no room is left out when the next one is due, as a gateway does, so \

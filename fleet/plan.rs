@@ -1,4 +1,4 @@
-//! From the arguments to the plan of a simulation: who connects where, and as whom.
+//! Builds the plan of a simulation from the arguments: who connects where, and as which user.
 
 use super::credentials::Credentials;
 use super::specimen::Specimen;
@@ -14,7 +14,7 @@ use vfd_gateway::domain::ids::Name;
 use vfd_gateway::domain::problem::Problem;
 use vfd_gateway::north::broker::Qos;
 
-/// Most and fewest updates of a drive in a second: one in an hour, and as many as the clock tells apart.
+/// Fewest and most updates of a drive in a second: one an hour, and as many as the clock resolves.
 const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
 
 /// The plan that `args` describe.
@@ -76,12 +76,13 @@ fn shape(args: &Args) -> Result<Shape, Failure> {
     })
 }
 
-/// The way to the nodes of a broker, at one of which each begins, by the rules of a configuration.
+/// The connection settings for the nodes of a broker, by the rules of a configuration. Each client begins at one of the
+/// nodes.
 fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSettings, Failure> {
     let [url, others @ ..] = urls else { return Err(Failure::wrong("no broker is named")) };
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let others: Vec<_> = others.iter().map(|url| quoted(url)).collect();
-    // Files of a configuration are named from the root; on the command line they are named from where one is.
+    // Files in a configuration have absolute paths; on the command line they may be relative.
     let ca = args.ca.as_ref().filter(|_| url.starts_with("mqtts:")).map(std::path::absolute).transpose();
     let ca = ca.map_err(|error| Failure::wrong(format!("--ca: {error}")))?;
     let ca = ca.map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
@@ -105,7 +106,7 @@ fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSe
     Ok(connection)
 }
 
-/// The same way, beginning at the node whose turn `number` is.
+/// The same settings, beginning at the node for client `number`.
 fn in_turn(way: &ConnectionSettings, number: usize) -> ConnectionSettings {
     (0..number % (1 + way.also_at.len())).fold(way.clone(), |way, _| way.at_next_place())
 }
@@ -121,7 +122,7 @@ fn as_user(
     Ok(ConnectionSettings { client_id, user, password, ..settings })
 }
 
-/// What the configuration that follows from the arguments is refused for.
+/// The problems of the configuration that follows from the arguments, as a failure.
 pub fn wrong(problems: &[Problem]) -> Failure {
     let line = |problem: &Problem| {
         let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();

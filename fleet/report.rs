@@ -1,4 +1,4 @@
-//! What came of a simulation, for people and as JSON.
+//! The result of a simulation, as text and as JSON.
 
 use super::specimen::{Specimen, Volume};
 use crate::books::Mark;
@@ -8,11 +8,11 @@ use std::fmt::Write;
 use std::time::Duration;
 use vfd_gateway::north::broker::Qos;
 
-/// Share of the updates that were due which must have been sent for the rate to count as held: one that is due just at the
-/// end may be sent just behind it.
+/// Share of due updates that must have been sent for the rate to count as held: one that is due at the very end may be
+/// sent just after it.
 const HELD: f64 = 0.999;
 
-/// What was simulated, and what came of it.
+/// The plan of a simulation and its result.
 #[derive(Debug)]
 pub struct Report<'a> {
     pub plan: &'a Plan,
@@ -21,7 +21,7 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Why the command fails; nothing: it does not.
+    /// Why the command fails; `None` if it does not.
     pub fn complaint(&self) -> Option<String> {
         let missing = self.outcome.at_end.acknowledged_missing;
         let is_checked = self.plan.qos == Qos::AtLeastOnce && !self.plan.consumers.is_empty();
@@ -76,7 +76,7 @@ impl Report<'_> {
         })
     }
 
-    /// For people.
+    /// As text.
     pub fn text(&self) -> String {
         let mut text = String::new();
         // Writing to a String cannot fail.
@@ -86,7 +86,9 @@ impl Report<'_> {
 
     fn write(&self, to: &mut String) -> std::fmt::Result {
         let Self { plan, specimen, outcome } = self;
-        let (shape, at_last, at_end) = (&plan.shape, &outcome.at_last, &outcome.at_end);
+        let shape = &plan.shape;
+        let at_last = &outcome.at_last;
+        let at_end = &outcome.at_end;
         let cut = if outcome.is_cut { ", cut short" } else { "" };
         writeln!(
             to,
@@ -130,7 +132,9 @@ impl Report<'_> {
         let [all, documents] = specimen.births.map(|it| format!("{} messages, {} kB", it.messages, it.bytes / 1000));
         writeln!(to, "a real gateway is born with {all}; with publish = [\"state\"]: {documents}")?;
         for (cost, processors) in &outcome.costs {
-            let (name, process, megabytes) = (&cost.name, cost.process, cost.resident_kb / 1000);
+            let name = &cost.name;
+            let process = cost.process;
+            let megabytes = cost.resident_kb / 1000;
             writeln!(to, "{name} ({process}): {processors:.2} processors, {megabytes} MB")?;
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! One gateway of the fleet as it really talks: its configuration is loaded, its session is played to the end of its birth,
-//! and what that publishes is taken as the pattern for all.
+//! One real gateway of the fleet: its configuration is loaded, its session runs to the end of its birth, and what it
+//! publishes is the pattern for all.
 
 use super::Args;
 use crate::books::Shape;
@@ -27,7 +27,7 @@ use vfd_gateway::profile::model::Model;
 const LINE_MAX: usize = 32;
 /// A word that reads as a value with four digits in every register.
 const WORD: u16 = 4321;
-/// Most acts of a birth: a session that goes on is broken.
+/// Most acts of a birth: a session that continues beyond that is broken.
 const ACTS_MAX: usize = 1_000_000;
 
 /// What a gateway publishes.
@@ -39,7 +39,7 @@ pub struct Specimen {
     pub state: Vec<u8>,
     /// How long a broker may keep it (MQTT 5).
     pub expiry: Option<Duration>,
-    /// Everything that it publishes when it has connected, and the same if it publishes documents alone.
+    /// Everything that it publishes when it connects, and the same if it publishes documents alone.
     pub births: [Volume; 2],
     /// The `[[line]]` tables of its configuration.
     pub lines: String,
@@ -61,7 +61,7 @@ pub fn specimen(args: &Args) -> Result<Specimen, Failure> {
     let (config, mqtt) = configuration(args, &lines)?;
     let whole = birth(&config, &mqtt, &Tree::ALL)?;
     let documents = birth(&config, &mqtt, &[Tree::State])?;
-    // What other topics a real gateway takes back at its birth is no document.
+    // A real gateway also clears other topics at its birth; those are not documents.
     let topic = format!("{}/{}/drive/{}/state", args.prefix, Shape::gateway_name(0), Shape::drive_name(0));
     let state = documents.iter().find(|it| it.topic == topic && !it.payload.is_empty());
     let state = state.ok_or_else(|| Failure::failed("a gateway of this kind publishes no state"))?;
@@ -103,7 +103,9 @@ fn lines(args: &Args, model: &Arc<Model>) -> String {
 }
 
 fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Failure> {
-    let (name, version, prefix) = (Shape::gateway_name(0), args.mqtt_version, &args.prefix);
+    let name = Shape::gateway_name(0);
+    let version = args.mqtt_version;
+    let prefix = &args.prefix;
     let text = format!(
         "[gateway]\nname = \"{name}\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\nversion = {version}\nprefix = {prefix:?}\n{lines}"
     );

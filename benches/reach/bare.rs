@@ -1,5 +1,5 @@
-//! The same hops with nothing in them: client, relay thread, line thread, pseudo-terminal, drive thread, and back.
-//! What this reaches is what the machine gives today; the gateway stands beside it in the table.
+//! The same hops without the gateway: client, relay thread, line thread, pseudo-terminal, drive thread, and back. This
+//! shows what the machine allows today; the table compares the gateway with it.
 
 use rustix::event::{PollFd, PollFlags, epoll, poll};
 use std::fs::{File, OpenOptions};
@@ -19,7 +19,7 @@ use vfd_gateway::domain::link::LinkSettings;
 /// A request as the bench's clients send it, and the answer to it: one word.
 const ASKED_BYTES: usize = 12;
 const ANSWER: [u8; 11] = [0, 0, 0, 0, 0, 5, 1, 3, 2, 0, 0];
-/// What goes over the pseudo-terminal each way.
+/// The bytes over the pseudo-terminal in each direction.
 const REQUEST: [u8; 8] = [1, 3, 0x30, 0, 0, 1, 0, 0];
 const REPLY: [u8; 7] = [1, 3, 2, 0, 0, 0, 0];
 
@@ -44,7 +44,7 @@ impl Bare {
         Self { address, end, drive, relay }
     }
 
-    /// Ends; the client has closed its connection.
+    /// Stops; the client must have closed its connection.
     pub fn stop(self) {
         self.relay.join().expect("the relay ends");
         self.end.store(true, Ordering::Relaxed);
@@ -52,7 +52,7 @@ impl Bare {
     }
 }
 
-/// How late a thread that does nothing but wait is woken, in ms, sorted: what the machine gives today.
+/// How late a thread that only waits is woken, in ms, sorted: what the machine allows today.
 pub fn timer(count: usize, real_time: bool) -> Vec<f64> {
     if real_time {
         let _ = sys::ask_for_real_time();
@@ -74,7 +74,7 @@ pub fn timer(count: usize, real_time: bool) -> Vec<f64> {
 }
 
 /// How long one byte takes through a pseudo-terminal, written and read by the same real-time thread, in ms, sorted. A
-/// worker of the kernel carries it over, and that one has no real-time priority: each gap holds two such hops.
+/// kernel worker without real-time priority passes it on: each gap contains two such hops.
 pub fn hop(count: usize) -> Vec<f64> {
     let _ = sys::ask_for_real_time();
     let pty = Pty::new().expect("a pseudo-terminal");
@@ -92,7 +92,7 @@ pub fn hop(count: usize) -> Vec<f64> {
     took
 }
 
-/// A thread that answers every request of `clients` connections at once, from nothing, until they close.
+/// A thread that answers every request of `clients` connections at once, with constant data, until they close.
 pub fn answerer(clients: usize) -> (SocketAddr, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address");

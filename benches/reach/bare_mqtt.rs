@@ -1,4 +1,4 @@
-//! The least that talks with a broker: MQTT 3.1.1 at quality of service 0 on a blocking socket.
+//! A minimal client of a broker: MQTT 3.1.1 at quality of service 0 on a blocking socket.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
@@ -18,7 +18,7 @@ pub struct Talker {
 }
 
 impl Talker {
-    /// Connects, and subscribes if there is something to subscribe.
+    /// Connects, and subscribes if there are filters.
     pub fn connect(port: u16, id: &str, filters: &[&str]) -> io::Result<Self> {
         let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
         stream.set_nodelay(true)?;
@@ -48,7 +48,7 @@ impl Talker {
         self.send(0x30 | u8::from(retain), &body)
     }
 
-    /// The next message; nothing if none comes in time.
+    /// The next message; `None` if none arrives in time.
     pub fn next(&mut self, patience: Duration) -> io::Result<Option<Message>> {
         let until = Instant::now() + patience;
         loop {
@@ -80,7 +80,7 @@ impl Talker {
         self.stream.write_all(&packet)
     }
 
-    /// Waits for a packet of this kind. Messages that come before it are kept for nobody: a broker answers first.
+    /// Waits for a packet of this kind. Messages before it are dropped: a broker answers first.
     fn packet_of(&mut self, kind: u8) -> io::Result<()> {
         self.stream.set_read_timeout(Some(Duration::from_secs(5)))?;
         while self.packet()?.0 >> 4 != kind {}
@@ -110,7 +110,7 @@ fn put_text(body: &mut Vec<u8>, text: &str) {
     body.extend_from_slice(text.as_bytes());
 }
 
-/// Bytes of the header, and of what follows it; nothing if the header is not there yet.
+/// Bytes of the header, and of what follows it; `None` if the header is incomplete.
 fn length(bytes: &[u8]) -> Option<(usize, usize)> {
     let mut length = 0;
     for (n, byte) in bytes.iter().skip(1).enumerate().take(4) {

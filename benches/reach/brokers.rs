@@ -1,4 +1,4 @@
-//! A broker of our own for a measurement, which may be killed: mosquitto if there is one, else the gateway's own.
+//! A broker for a measurement, which may be killed: mosquitto if installed, else the embedded broker.
 
 use std::fmt::Write as _;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
@@ -27,11 +27,11 @@ enum Running {
 }
 
 impl Broker {
-    /// Starts one; `keeps` makes it keep retained messages over a kill, which only mosquitto can.
+    /// Starts one; with `keeps` it keeps retained messages across a kill, which only mosquitto can.
     pub fn start(keeps: bool) -> Self {
         let port = free_port();
         let place = Place::new();
-        // As root it would give its rights up, and with them the directory.
+        // As root it would drop its privileges, and with them access to the directory.
         let mut text = format!("listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\n");
         text += "log_dest none\n";
         if keeps {
@@ -89,7 +89,7 @@ impl Drop for Broker {
     }
 }
 
-/// Where mosquitto is, if it is there.
+/// The path of mosquitto, if it is installed.
 pub fn mosquitto() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     std::env::split_paths(&path).map(|place| place.join("mosquitto")).find(|program| program.is_file())

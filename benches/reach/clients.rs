@@ -1,4 +1,4 @@
-//! Load clients: many connections of one thread, each waiting for its answer before it asks again.
+//! Load clients: many connections of one thread, each waiting for its answer before the next request.
 
 use rustix::event::epoll;
 use std::io::{Read, Write};
@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 use vfd_gateway::wire::mbap;
 
-/// What one client asks next: unit, address, count.
+/// The next request of a client: unit, address, count.
 pub type Ask = (u8, u16, u16);
 
 /// One connection.
@@ -19,7 +19,7 @@ struct Client {
     exceptions: u64,
 }
 
-/// What the clients got.
+/// What the clients received.
 pub struct Load {
     /// Right answers of each client.
     pub right: Vec<u64>,
@@ -35,8 +35,8 @@ impl Load {
     }
 }
 
-/// Lets `count` clients ask for `time`, after `warm_up` that does not count. `next` says what client c asks as
-/// its n-th request.
+/// Lets `count` clients send requests for `time`, after `warm_up` that does not count. `next` returns the n-th request
+/// of client c.
 pub fn run(
     address: SocketAddr,
     count: usize,

@@ -1,5 +1,5 @@
-//! An MQTT command to an idle line; in turn with it the way of a message through the same broker, and the whole way
-//! with nothing in it.
+//! An MQTT command to an idle line, alternating with a message through the same broker and with the same path without
+//! the gateway.
 
 use crate::bare_mqtt::Talker;
 use crate::brokers::Broker;
@@ -15,7 +15,7 @@ use vfd_gateway::sim::{BusOptions, Pacing};
 const PATIENCE: Duration = Duration::from_secs(2);
 const ECHO: &str = "bench/echo";
 
-/// A client of the library that the gateway uses too, its connection served by a thread.
+/// A client of the same library as the gateway's, its connection served by a thread.
 enum Publisher {
     V4(rumqttc::Client),
     V5(rumqttc::v5::Client),
@@ -79,7 +79,7 @@ const CASES: [Case; 3] = [
     Case { name: "MQTT 5, paced line", version: 5, is_paced: true, count: 400, idle: Duration::from_millis(60) },
 ];
 
-/// What belongs to one measurement.
+/// The parts of one measurement.
 struct Scene {
     case: Case,
     line: TappedLine,
@@ -133,7 +133,7 @@ fn measure(case: Case) -> Vec<Row> {
 }
 
 impl Scene {
-    /// Commands until the first one gets through: the gateway may still be on its way to the broker.
+    /// Sends commands until the first one gets through: the gateway may still be connecting to the broker.
     fn begin(&mut self) {
         for _ in 0..100 {
             self.publisher.publish("vfd/bench/drive/d1/command", r#"{"run":"forward","frequency_hz":30}"#.into());
@@ -167,7 +167,7 @@ impl Scene {
         heard.map(|heard| heard.at.since(begun))
     }
 
-    /// The same way without the gateway.
+    /// The broker alone.
     fn echo(&mut self, n: u16) -> Option<Duration> {
         let begun = self.moment();
         self.publisher.publish(ECHO, n.to_string());
@@ -176,7 +176,7 @@ impl Scene {
         message.map(|_| clock::now().since(begun))
     }
 
-    /// The same way with nothing in it.
+    /// The same path without the gateway.
     fn relay(&mut self, n: u16) -> Option<Duration> {
         let begun = self.moment();
         self.publisher.publish(relay::TOPIC, n.to_string());

@@ -32,7 +32,7 @@ impl Commander {
         self.answer()
     }
 
-    /// Waits for the answer: fine, or an exception code.
+    /// Waits for the answer: success, or an exception code.
     pub fn answer(&mut self) -> Result<(), u8> {
         let mut header = [0; 8];
         self.stream.read_exact(&mut header).expect("an answer");
@@ -41,7 +41,7 @@ impl Commander {
         if header[7] < 0x80 { Ok(()) } else { Err(rest[0]) }
     }
 
-    /// Sends 06 and waits for the answer; again and again while the gateway refuses it.
+    /// Sends 06 and waits for the answer; repeats it while the gateway refuses it.
     pub fn insist(&mut self, unit: u8, address: u16, value: u16) {
         let mut codes = Vec::new();
         while codes.len() < 400 {

@@ -1,4 +1,4 @@
-//! Thousands of connected clients in one thread, each of which asks at its own moment of every second.
+//! Thousands of connected clients in one thread, each of which sends a request at its own moment of every second.
 
 use crate::pipeline::{Request, request};
 use crate::plant::UNIFORM;
@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Words that each reads of the uniform unit.
 const WORDS: u16 = 16;
 const ANSWER_BYTES: usize = 9 + 2 * WORDS as usize;
-/// Requests of a burst between two looks for answers.
+/// Requests of a burst before answers are read.
 const BURST: usize = 64;
 
 struct Client {
@@ -38,7 +38,7 @@ pub struct Crowd {
 pub struct Seen {
     /// From each request to its answer.
     took: Vec<Duration>,
-    /// How much later than planned each request went out: what this thread itself adds.
+    /// How much later than planned each request was sent: the delay of this thread itself.
     late: Vec<Duration>,
     /// Requests without an answer, or whose client was still waiting.
     pub lost: u64,
@@ -58,7 +58,8 @@ impl Crowd {
     /// Connects `count` clients, at most `a_second` of them.
     pub fn connect(address: SocketAddr, count: usize, a_second: u32) -> Self {
         let poll = epoll::create(epoll::CreateFlags::CLOEXEC).expect("epoll");
-        let (begun, gap) = (Instant::now(), SECOND / a_second);
+        let begun = Instant::now();
+        let gap = SECOND / a_second;
         let connect = |index: usize| {
             std::thread::sleep((begun + gap * index as u32).saturating_duration_since(Instant::now()));
             let stream = TcpStream::connect(address).expect("the gateway accepts");
@@ -72,18 +73,19 @@ impl Crowd {
         Self { poll, clients, request: request(1, UNIFORM, 3, [0, WORDS]), events: vec![none; 256] }
     }
 
-    /// Each client asks once a second for so many seconds, at a moment of its own.
+    /// Each client sends a request once a second for `seconds` seconds, at a moment of its own.
     pub fn ask_for(&mut self, seconds: u32) -> Seen {
         let mut random = fastrand::Rng::with_seed(7);
         let mut plan: Vec<(Duration, usize)> = (0..self.clients.len())
             .map(|client| (Duration::from_nanos(random.u64(0..1_000_000_000)), client))
             .collect();
         plan.sort_unstable();
-        let (begun, mut seen) = (Instant::now(), Seen::default());
+        let begun = Instant::now();
+        let mut seen = Seen::default();
         for second in 0..seconds {
             for (phase, client) in &plan {
                 let due = begun + SECOND * second + *phase;
-                // Whatever has come is taken first, also when this program is late: that is no delay of the gateway.
+                // Received answers are taken first, also when this program is late: that is not a delay of the gateway.
                 self.look(Some(due), &mut seen);
                 while Instant::now() < due {
                     self.look(Some(due), &mut seen);
@@ -96,7 +98,7 @@ impl Crowd {
         seen
     }
 
-    /// All ask at once.
+    /// All send a request at once.
     pub fn burst(&mut self) -> Seen {
         let mut seen = Seen::default();
         for client in 0..self.clients.len() {
@@ -135,7 +137,7 @@ impl Crowd {
         }
     }
 
-    /// Takes what has come, or waits for it until then.
+    /// Takes received answers, or waits for them until `until`.
     fn look(&mut self, until: Option<Instant>, seen: &mut Seen) {
         let left = until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()));
         let timeout = Timespec { tv_sec: left.as_secs() as i64, tv_nsec: i64::from(left.subsec_nanos()) };
@@ -159,7 +161,7 @@ impl Crowd {
 }
 
 impl Drop for Crowd {
-    /// Nothing of them keeps a port of this host for a minute.
+    /// Resets the connections, so that they do not keep ports of this host for a minute.
     fn drop(&mut self) {
         for client in &self.clients {
             let _ = rustix::net::sockopt::set_socket_linger(&client.stream, Some(Duration::ZERO));

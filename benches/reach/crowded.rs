@@ -1,4 +1,4 @@
-//! Thousands of clients at the program as a process: each once a second, all at once, all silent, and one that floods.
+//! Thousands of clients of the gateway as a process: each once a second, all at once, all silent, and one that floods.
 
 use crate::brokers::free_port;
 use crate::crowd::{Crowd, Seen};
@@ -20,10 +20,10 @@ use vfd_gateway::sim::BusOptions;
 
 const CLIENTS: usize = 10_000;
 const IDLE: usize = 19_500;
-/// Files of this process that are no clients.
+/// Files of this process other than clients.
 const OTHER_FILES: usize = 64;
 const A_SECOND: u32 = 5_000;
-/// What is dropped at the beginning.
+/// Seconds at the beginning that do not count.
 const WARM_UP_S: u32 = 3;
 
 /// A gateway as a process of its own, with one drive.
@@ -41,7 +41,7 @@ impl Program {
         let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen };
         let place = Place::new();
         let file = place.path().join("gateway.toml");
-        // As many as the system's limit of open files leaves room for: the usual limit is lower.
+        // As many as the limit of open files allows: the default limit is lower.
         std::fs::write(&file, format!("{}connections_max = 65536\n", setup.text())).expect("a file");
         let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
         command.args(["run", "-c"]).arg(&file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
@@ -70,7 +70,8 @@ impl Program {
     }
 }
 
-/// A process that is killed with its owner, so that a bench that panics leaves none behind. Its drive has not run.
+/// A process that is killed when this is dropped, so that a bench that panics leaves none behind. Its drive is not
+/// running.
 struct Running(Child);
 
 impl Drop for Running {
@@ -87,7 +88,8 @@ pub fn crowd() -> Vec<Row> {
     let mut crowd = Crowd::connect(gateway.address, CLIENTS, A_SECOND);
     let opened = began.elapsed();
     crowd.ask_for(WARM_UP_S);
-    let (began, used) = (Instant::now(), gateway.processor_s());
+    let began = Instant::now();
+    let used = gateway.processor_s();
     let seen = crowd.ask_for(if crate::is_quick() { 3 } else { 20 });
     let busy = (gateway.processor_s() - used) / began.elapsed().as_secs_f64() * 100.0;
     let mut rows = vec![
@@ -115,12 +117,16 @@ pub fn crowd() -> Vec<Row> {
     rows
 }
 
-/// One that floods beside them, without it, and beside a program that is as busy and asks nothing, in turn: on a small
-/// machine whoever floods takes a processor from all.
+/// With a client that floods, without it, and with a program that is as busy but sends nothing, in turn: on a small
+/// machine any flood takes a processor from all.
 fn flooded(gateway: &Program, crowd: &mut Crowd) -> Vec<Row> {
     let seconds = if crate::is_quick() { 2 } else { 6 };
     let rounds = if crate::is_quick() { 1 } else { 5 };
-    let (mut quiet, mut busy, mut flooded, mut answers, mut lost) = (Vec::new(), Vec::new(), Vec::new(), 0, 0);
+    let mut quiet = Vec::new();
+    let mut busy = Vec::new();
+    let mut flooded = Vec::new();
+    let mut answers = 0;
+    let mut lost = 0;
     let mut p99 = |crowd: &mut Crowd| {
         let seen = crowd.ask_for(seconds);
         lost += seen.lost;
@@ -155,7 +161,7 @@ fn median(mut of: Vec<f64>) -> f64 {
     of[of.len() / 2]
 }
 
-/// A thread that is busy with nothing.
+/// A thread that spins.
 struct Spinner {
     end: Arc<AtomicBool>,
     thread: JoinHandle<()>,
@@ -179,7 +185,7 @@ impl Spinner {
     }
 }
 
-/// As many that never ask.
+/// As many clients that never send a request.
 fn idle() -> Vec<Row> {
     let files = getrlimit(Resource::Nofile).current.map_or(usize::MAX, |files| files as usize);
     let count = IDLE.min(files - OTHER_FILES);
@@ -199,7 +205,7 @@ fn idle() -> Vec<Row> {
     ]
 }
 
-/// A client that never stops asking.
+/// A client that never stops sending requests.
 struct Flood {
     end: Arc<AtomicBool>,
     answers: Arc<AtomicU64>,
@@ -210,11 +216,14 @@ impl Flood {
     fn start(address: SocketAddr) -> Self {
         let mut stream = TcpStream::connect(address).expect("the gateway accepts");
         stream.set_nonblocking(true).expect("non-blocking");
-        let (end, answers) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let (ended, counted) = (Arc::clone(&end), Arc::clone(&answers));
+        let end = Arc::new(AtomicBool::new(false));
+        let answers = Arc::new(AtomicU64::new(0));
+        let ended = Arc::clone(&end);
+        let counted = Arc::clone(&answers);
         let requests: Vec<u8> = (0..512).flat_map(|slot| request(slot, UNIFORM, 3, [0, 16])).collect();
         let thread = std::thread::spawn(move || {
-            let (mut sent, mut buffer) = (0, vec![0; 64 * 1024]);
+            let mut sent = 0;
+            let mut buffer = vec![0; 64 * 1024];
             while !ended.load(Ordering::Relaxed) {
                 let read = stream.read(&mut buffer).unwrap_or(0);
                 counted.fetch_add(read as u64, Ordering::Relaxed);
@@ -229,7 +238,7 @@ impl Flood {
         Self { end, answers, thread }
     }
 
-    /// Ends it; how many answers it got.
+    /// Ends it. Returns how many answers it received.
     fn stop(self) -> u64 {
         self.end.store(true, Ordering::Relaxed);
         self.thread.join().expect("it ends");

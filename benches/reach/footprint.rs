@@ -1,9 +1,9 @@
-//! How soon the program serves after it was started, and what it needs in memory: thirty-two drives, a journal, a broker,
-//! ten Modbus clients and one who has the page open.
+//! How soon the program serves after its start, and how much memory it needs: thirty-two drives, a journal, a broker,
+//! ten Modbus clients and an open page.
 //!
-//! The goals are those of a release, which is linked in another way than what measurements run. `VFD_GATEWAY` names the
-//! program to look at: `cargo build --profile dist --bin vfd-gateway`, then
-//! `VFD_GATEWAY=target/dist/vfd-gateway cargo bench --bench reach -- footprint`.
+//! The goals are those of a release, which is linked differently from measured builds. `VFD_GATEWAY` names the program
+//! to measure: `cargo build --profile dist --bin vfd-gateway`, then `VFD_GATEWAY=target/dist/vfd-gateway cargo bench
+//! --bench reach -- footprint`.
 
 use crate::bare_mqtt::Talker;
 use crate::brokers::{Broker, free_port};
@@ -27,16 +27,18 @@ const RESIDENT_MB: f64 = 20.0;
 const PROGRAM_MB: f64 = 15.0;
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Between two looks whether it serves: what it adds to a time is small beside the goal.
+/// Interval of checks whether it serves: small compared with the goal.
 const LOOK: Duration = Duration::from_millis(1);
-/// What a page asks for when it is opened, besides its files.
+/// What the page requests when it is opened, besides its files.
 const DOCUMENTS: [&str; 4] = ["/api/v1/state", "/api/v1/advice", "/api/v1/journal?last=200", "/api/v1/health"];
 
 pub fn footprint() -> Vec<Row> {
-    let (answered, end) = (Arc::new(Answered::new()), Arc::new(AtomicBool::new(false)));
+    let answered = Arc::new(Answered::new());
+    let end = Arc::new(AtomicBool::new(false));
     let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
-    let (broker, place) = (Broker::start(false), Place::new());
+    let broker = Broker::start(false);
+    let place = Place::new();
     let plant = Plant::new(&place, &ports, broker.port);
     let mut rows = vec![
         Row::told("footprint: drives on lines, points of each, poll", drives_told()),
@@ -89,9 +91,10 @@ impl Plant {
         command.spawn().expect("the gateway starts")
     }
 
-    /// How long it takes until a Modbus client has its first words, and until all lines and the broker are there.
+    /// How long it takes until a Modbus client has its first words, and until all lines and the broker are connected.
     fn starts(&self, count: usize) -> Vec<Row> {
-        let (mut answered, mut ready) = (Vec::new(), Vec::new());
+        let mut answered = Vec::new();
+        let mut ready = Vec::new();
         for _ in 0..count {
             let begun = Instant::now();
             let mut gateway = self.start();
@@ -99,7 +102,8 @@ impl Plant {
             ready.push(until(begun, || is_ready(self.http)));
             end(&mut gateway);
         }
-        let (answered, ready) = (Times::new(answered), Times::new(ready));
+        let answered = Times::new(answered);
+        let ready = Times::new(ready);
         vec![
             Row::told(
                 format!("footprint: {count} starts to the first Modbus answer, p50 / p99 / max, ms"),
@@ -110,7 +114,7 @@ impl Plant {
         ]
     }
 
-    /// What it needs while all that is going on. The broker is a process of its own and is not counted.
+    /// What it needs under that load. The broker is a process of its own and is not counted.
     fn memory(&self, broker: u16, span: Duration) -> Vec<Row> {
         let begun = Instant::now();
         let mut gateway = self.start();
@@ -118,11 +122,12 @@ impl Plant {
         let _subscriber = Talker::connect(broker, "bench-watch", &["vfd/bench/#"]).expect("it accepts");
         std::thread::sleep(span);
         let alone = Memory::of(gateway.id());
-        let (http, over) = (self.http, Arc::new(AtomicBool::new(false)));
+        let http = self.http;
+        let over = Arc::new(AtomicBool::new(false));
         let is_over = Arc::clone(&over);
         let page = std::thread::spawn(move || open_page(http, &is_over));
         let load = clients::run(self.modbus, CLIENTS, Duration::ZERO, span, |client, request| {
-            // Every client looks at every drive, at all that its uniform unit has.
+            // Every client reads all words of every drive's uniform unit.
             (101 + ((client as u64 + request) % (LINES as u64 * u64::from(DRIVES))) as u8, 0, 16)
         });
         let busy = Memory::of(gateway.id());
@@ -145,7 +150,7 @@ impl Plant {
     }
 }
 
-/// Asks until it is so; how long after `begun` that was.
+/// Polls until `is_so`. Returns the time since `begun`.
 fn until(begun: Instant, mut is_so: impl FnMut() -> bool) -> Duration {
     while !is_so() {
         assert!(begun.elapsed() < PATIENCE, "the gateway does not serve");
@@ -170,7 +175,7 @@ fn get(mut stream: TcpStream, path: &str) -> String {
     String::from_utf8_lossy(&answer).into_owned()
 }
 
-/// Loads what a browser loads, and then takes events until it is over. Returns how many there were.
+/// Loads what a browser loads, and then reads events until `is_over`. Returns how many there were.
 fn open_page(http: SocketAddr, is_over: &AtomicBool) -> usize {
     let ask = |path: &str| {
         let answer = get(TcpStream::connect(http).expect("it accepts"), path);
@@ -185,7 +190,8 @@ fn open_page(http: SocketAddr, is_over: &AtomicBool) -> usize {
     (0..LINES * usize::from(DRIVES)).for_each(|drive| drop(ask(&format!("/api/v1/trend?drive=d{drive}"))));
     let mut stream = TcpStream::connect(http).expect("it accepts");
     stream.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n").expect("it reads");
-    let (mut events, mut buffer) = (0, vec![0; 64 * 1024]);
+    let mut events = 0;
+    let mut buffer = vec![0; 64 * 1024];
     while !is_over.load(Ordering::Relaxed) {
         let length = stream.read(&mut buffer).expect("events");
         assert!(length > 0, "the gateway has closed the connection");
@@ -194,16 +200,16 @@ fn open_page(http: SocketAddr, is_over: &AtomicBool) -> usize {
     events
 }
 
-/// Nothing of it is wanted any more, and its drives have not run.
+/// It may be killed: its drives are not running.
 fn end(gateway: &mut Child) {
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
 }
 
-/// What the system says of a process's memory.
+/// The memory of a process as reported by the system.
 struct Memory {
     resident_mb: f64,
-    /// Of that what it has written itself; the rest is the program's file as far as it was looked at.
+    /// Of that, anonymous memory; the rest are mapped pages of the program's file.
     own_mb: f64,
     most_mb: f64,
     threads: u64,

@@ -1,4 +1,4 @@
-//! The journal: how long until a trip is on the disk, against a bare write in turn with it, and rows in groups.
+//! The journal: how long until a trip is on the disk, alternating with a bare write, and rows in groups.
 
 use crate::plant::{Place, Setup};
 use crate::table::{Row, Times};
@@ -36,12 +36,14 @@ pub fn journal() -> Vec<Row> {
     let drives = vec![shared.drives[0].description.clone()];
     let mut writer = Writer { source: journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)), row: 0 };
     let mut bare = File::create(place.path().join("bare")).expect("a file");
-    let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+    let mut ours = Vec::new();
+    let mut theirs = Vec::new();
     for _ in 0..trips {
         theirs.push(bare_write(&mut bare));
         ours.push(writer.kept(Writer::trip));
     }
-    let (ours, theirs) = (Times::new(ours), Times::new(theirs));
+    let ours = Times::new(ours);
+    let theirs = Times::new(theirs);
     let begun = clock::now();
     for _ in 0..groups {
         for _ in 1..GROUP {
@@ -100,7 +102,8 @@ impl Writer {
     }
 
     fn refusal(number: u64) -> Entry {
-        let (tried, report) = (Tried::Text(format!("no {number}")), Some(Report::refused(Reason::NotUnderstood)));
+        let tried = Tried::Text(format!("no {number}"));
+        let report = Some(Report::refused(Reason::NotUnderstood));
         Entry::Attempt(Attempt { id: AttemptId(number), owner: Owner::Mqtt, tried, report })
     }
 }

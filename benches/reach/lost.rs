@@ -26,7 +26,7 @@ pub fn lost() -> Vec<Row> {
     ]
 }
 
-/// Everything anew, so that no round waits for a gateway that has become patient.
+/// Everything starts again, so that no round waits for a gateway that has backed off.
 fn round(n: u64) -> Option<Duration> {
     let mut broker = Broker::start(false);
     let line = TappedLine::start(1, BusOptions::default());

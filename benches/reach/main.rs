@@ -1,4 +1,4 @@
-//! What the gateway reaches, measured and printed as a table: `cargo bench --bench reach`, about twenty minutes.
+//! Measures the performance of the gateway and prints it as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
 //! late, stop, command, lost, retained, telemetry, sparkplug, page, uniform, crowd, setpoints, journal, memory, footprint,
@@ -87,7 +87,7 @@ fn main() {
     }
 }
 
-/// Whether only a short look is wanted: fewer rounds of the newer parts.
+/// Whether fewer rounds of the newer parts are requested.
 fn is_quick() -> bool {
     std::env::args().any(|arg| arg == "--quick")
 }

@@ -1,4 +1,4 @@
-//! What the program as a process needs in memory: eight drives, a broker, a hundred clients.
+//! The memory of the program as a process: eight drives, a broker, a hundred clients.
 
 use crate::brokers::{Broker, free_port};
 use crate::commander::Commander;
@@ -37,7 +37,7 @@ pub fn memory() -> Vec<Row> {
     }
     std::thread::sleep(SETTLE / 2);
     let with_clients = resident_kb(&gateway);
-    // Nothing of it is wanted any more, and its drives have not run.
+    // It may be killed: its drives are not running.
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
     line.stop();

@@ -1,4 +1,4 @@
-//! Clients that always offer more reads than the gateway takes, all in one thread: what is refused is asked anew.
+//! Clients that always offer more reads than the gateway accepts, all in one thread: refused reads are repeated.
 
 use crate::pipeline::{Answers, Request, taken};
 use rustix::event::epoll;
@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long a client waits before it asks anew for what was refused. Without it, one thread that is refused at once
-/// would ask as fast as a processor can.
+/// How long a client waits before it repeats a refused read. Otherwise one thread that is refused at once would send as
+/// fast as a processor can.
 const ASK_ANEW_AFTER: Duration = Duration::from_secs(5);
 
-/// One connection, what it offers by transaction, and what it will ask again.
+/// One connection, what it offers by transaction, and what it will repeat.
 struct Client {
     stream: TcpStream,
     requests: Vec<Request>,
@@ -103,7 +103,7 @@ impl Client {
         self.send();
     }
 
-    /// What the socket does not take is kept: the gateway reads no more from a client that does not read.
+    /// What the socket does not take is kept: the gateway stops reading from a client that does not read.
     fn send(&mut self) {
         while !self.out.is_empty() {
             match self.stream.write(&self.out) {

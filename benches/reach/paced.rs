@@ -1,4 +1,4 @@
-//! How near a paced line comes to what its own gap allows, and how long its gaps are.
+//! How close a paced line gets to what its own gap allows, and how long its gaps are.
 
 use crate::bare;
 use crate::clients;
@@ -15,10 +15,10 @@ const TURNAROUND: Duration = Duration::from_millis(2);
 /// Words of each read.
 const WORDS: u16 = 8;
 /// Clients that read each its own registers, so that a read waits whenever the line is free and what is measured is the
-/// line. One client alone has to be woken, to ask and to be heard within the gap.
+/// line. A single client would have to be woken, send and be received within the gap.
 const CLIENTS: usize = 4;
 
-/// A line that is played.
+/// A simulated line.
 struct Line {
     link: LinkSettings,
     /// Part of what its gap allows that it should reach, in per cent.

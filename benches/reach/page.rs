@@ -1,5 +1,5 @@
-//! Thirty-two drives of twenty points each, all of which change with every poll, and one browser that listens: what that
-//! costs beside the polls themselves.
+//! Thirty-two drives of twenty points each, all of which change with every poll, and one browser that listens: the cost
+//! beyond the polls themselves.
 
 use crate::brokers::free_port;
 use crate::memory::wait_for;
@@ -13,10 +13,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 const WARM_UP: Duration = Duration::from_secs(5);
-/// Of a core, for one who listens.
+/// Most per cent of a core for one listener.
 const MOST_PER_CENT: f64 = 5.0;
 
-/// What came while it was listened.
+/// What was received while listening.
 #[derive(Default)]
 struct Heard {
     bytes: usize,
@@ -26,10 +26,12 @@ struct Heard {
 
 pub fn page() -> Vec<Row> {
     let look = Duration::from_secs(if crate::is_quick() { 5 } else { 30 });
-    let (answered, end) = (Arc::new(Answered::new()), Arc::new(AtomicBool::new(false)));
+    let answered = Arc::new(Answered::new());
+    let end = Arc::new(AtomicBool::new(false));
     let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
-    let (place, http) = (Place::new(), SocketAddr::from((Ipv4Addr::LOCALHOST, free_port())));
+    let place = Place::new();
+    let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
     let text = format!(
         "{}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n[http]\nlisten = \"{http}\"\n",
         lines_text("[gateway]\nname = \"bench\"\n", &ports, POLL)
@@ -63,16 +65,18 @@ pub fn page() -> Vec<Row> {
     ]
 }
 
-/// Processor time of the process while `what` is done, in per cent of a core, and what that gave.
+/// Processor time of the process while `what` runs, in per cent of a core, and its result.
 fn used<T>(process: u32, what: impl FnOnce() -> T) -> (f64, T) {
-    let (before, begun) = (ticks(process), Instant::now());
+    let before = ticks(process);
+    let begun = Instant::now();
     let done = what();
     (per_cent(ticks(process) - before, begun.elapsed()), done)
 }
 
-/// Takes all that comes for so long.
+/// Receives for `span`.
 fn listen(stream: &mut TcpStream, span: Duration) -> Heard {
-    let (mut heard, until) = (Heard::default(), Instant::now() + span);
+    let mut heard = Heard::default();
+    let until = Instant::now() + span;
     let mut buffer = vec![0; 256 * 1024];
     loop {
         let left = until.saturating_duration_since(Instant::now());

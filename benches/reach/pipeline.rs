@@ -1,4 +1,4 @@
-//! Clients that keep several requests in flight each, all in one thread that does next to nothing for an answer.
+//! Clients that keep several requests in flight each, all in one thread that does little for an answer.
 
 use rustix::event::epoll;
 use std::io::{ErrorKind, Read, Write};
@@ -14,7 +14,7 @@ pub fn request(slot: u16, unit: u8, function: u8, words: [u16; 2]) -> Request {
     [t0, t1, 0, 0, 0, 6, unit, function, a0, a1, b0, b1]
 }
 
-/// One connection and what it asks over and over, by transaction.
+/// One connection and the requests that it repeats, by transaction.
 struct Client {
     stream: TcpStream,
     requests: Vec<Request>,
@@ -22,7 +22,7 @@ struct Client {
     out: Vec<u8>,
 }
 
-/// What came.
+/// Received answers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Answers {
     pub right: u64,
@@ -37,7 +37,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// Connects and asks everything once: `next` makes the request of a client's slot.
+    /// Connects and sends every request once: `next` makes the request of a client's slot.
     pub fn connect(address: SocketAddr, clients: usize, slots: u16, next: impl Fn(usize, u16) -> Request) -> Self {
         let poll = epoll::create(epoll::CreateFlags::CLOEXEC).expect("epoll");
         let connect = |index: usize| {
@@ -54,7 +54,7 @@ impl Pipeline {
         Self { poll, clients, answers: Answers::default() }
     }
 
-    /// Takes answers once and asks again for each, waiting at most 50 ms.
+    /// Takes answers once and repeats the request of each, waiting at most 50 ms.
     pub fn turn(&mut self) {
         let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
         let timeout = rustix::event::Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
@@ -64,7 +64,7 @@ impl Pipeline {
         }
     }
 
-    /// Answers of `time`, after `warm_up` that does not count, and how long that really took.
+    /// Answers within `time`, after `warm_up` that does not count, and how long that actually took.
     pub fn run(mut self, warm_up: Duration, time: Duration) -> (Answers, Duration) {
         let begun = Instant::now();
         while begun.elapsed() < warm_up {
@@ -92,7 +92,7 @@ impl Client {
     }
 }
 
-/// The whole answers that have come over `stream` behind what is in `received`: transaction, and whether they are right.
+/// The complete answers from `stream`, appended to what is in `received`: transaction, and whether they are right.
 pub(crate) fn taken(stream: &mut TcpStream, received: &mut Vec<u8>) -> Vec<(u16, bool)> {
     let mut buffer = [0; 4096];
     let read = match stream.read(&mut buffer) {
@@ -102,7 +102,8 @@ pub(crate) fn taken(stream: &mut TcpStream, received: &mut Vec<u8>) -> Vec<(u16,
     };
     assert!(read > 0, "the gateway closed the connection");
     received.extend_from_slice(&buffer[..read]);
-    let (mut answers, mut used) = (Vec::new(), 0);
+    let mut answers = Vec::new();
+    let mut used = 0;
     while let [t0, t1, _, _, l0, l1, _, function, ..] = received[used..] {
         let bytes = 6 + usize::from(u16::from_be_bytes([l0, l1]));
         if received.len() < used + bytes {

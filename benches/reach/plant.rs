@@ -13,7 +13,7 @@ use vfd_gateway::vendors;
 
 use crate::rig;
 
-/// What the configuration of a gateway with one line says.
+/// The configuration of a gateway with one line.
 #[derive(Clone)]
 pub struct Setup<'a> {
     /// The line's device.
@@ -26,7 +26,7 @@ pub struct Setup<'a> {
     pub poll: &'a str,
     /// The broker's port on this machine, and the version of the protocol: 4 or 5.
     pub mqtt: Option<(u16, u8)>,
-    /// The port of the Modbus TCP listener; 0: any.
+    /// The port of the Modbus TCP listener; 0 for any.
     pub listen: u16,
 }
 
@@ -90,7 +90,7 @@ impl Gateway {
     }
 }
 
-/// A directory that is gone afterwards.
+/// A temporary directory that is removed when this is dropped.
 pub struct Place(PathBuf);
 
 impl Place {
@@ -109,7 +109,7 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        // What is left in the temporary directory harms nobody.
+        // Leftovers in the temporary directory do no harm.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }

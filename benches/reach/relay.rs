@@ -1,4 +1,4 @@
-//! The way of a command with nothing in it: a subscriber, a thread behind it, a pseudo-terminal, a simulated line.
+//! The path of a command without the gateway: a subscriber, a thread, a pseudo-terminal, a simulated line.
 
 use crate::bare_mqtt::Talker;
 use crate::tapped::TappedLine;
@@ -11,12 +11,12 @@ use vfd_gateway::sim::BusOptions;
 
 /// What it waits for.
 pub const TOPIC: &str = "bench/relay";
-/// What it sends to the line, which nobody there understands.
+/// What it sends to the line, which no drive there understands.
 const FRAME: [u8; 8] = [1, 6, 0, 4, 0, 0, 0, 0];
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Starts it before the broker at `port`; its threads end with the broker. As in the gateway, the thread that writes
-/// to the line is a real-time one if the line has character times.
+/// Starts it at the broker at `port`; its threads end with the broker. As in the gateway, the thread that writes to the
+/// line is a real-time one if the line has character times.
 pub fn start(port: u16, bus: BusOptions, real_time: bool) -> TappedLine {
     let line = TappedLine::start(1, bus);
     let mut device = OpenOptions::new().write(true).open(line.path()).expect("the pseudo-terminal");

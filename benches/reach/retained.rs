@@ -1,7 +1,7 @@
-//! Retained messages on every command topic, and a broker that is killed and comes back with them, many times.
+//! Retained messages on every command topic, and a broker that is killed and restarts with them, many times.
 //!
-//! Several gateways go through it beside each other, each with a broker of its own: one whose broker breaks again and
-//! again becomes patient, and would wait most of the time.
+//! Several gateways run in parallel, each with a broker of its own: one whose broker breaks repeatedly backs off, and
+//! would wait most of the time.
 
 use crate::bare_mqtt::Talker;
 use crate::brokers::{Broker, mosquitto};
@@ -13,9 +13,9 @@ use vfd_gateway::sim::BusOptions;
 
 const LANES: u64 = 10;
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Time for a message that must not be obeyed to be obeyed.
+/// How long it is checked that a message is not obeyed.
 const WATCH: Duration = Duration::from_millis(300);
-/// What stands on the command topics below `vfd/bench/`.
+/// The retained messages on the command topics below `vfd/bench/`.
 const RETAINED: [(&str, &str); 7] = [
     ("drive/d1/run/set", "forward"),
     ("drive/d1/frequency/set", "42.5"),
@@ -30,13 +30,13 @@ const RETAINED: [(&str, &str); 7] = [
 struct Restart {
     /// How many of the retained messages the broker still had.
     kept: usize,
-    /// From the start of the broker until the first fresh picture of the drive.
+    /// From the start of the broker until the first new state of the drive.
     telemetry: Option<Duration>,
-    /// A command was answered.
+    /// Whether a command was answered.
     hears: bool,
 }
 
-/// What a gateway went through.
+/// One gateway and its restarts.
 struct Lane {
     restarts: Vec<Restart>,
     writes: u64,
@@ -106,7 +106,7 @@ fn put_messages(broker: &Broker) {
     for (topic, payload) in RETAINED {
         talker.publish(&format!("vfd/bench/{topic}"), payload.as_bytes(), true).expect("published");
     }
-    // What has come back was kept.
+    // Messages that are delivered were kept.
     for _ in RETAINED {
         talker.next(PATIENCE).expect("the broker is there").expect("a message");
     }
@@ -142,7 +142,7 @@ fn fresh_picture(watcher: &mut Talker, begun: Instant) -> Option<Duration> {
     None
 }
 
-/// Whether a command that is none is refused, which needs the subscription and writes nothing.
+/// Whether an invalid command is refused, which needs the subscription and writes nothing.
 fn hears(talker: &mut Talker) -> bool {
     talker.publish("vfd/bench/drive/d1/run/set", b"sideways", false).expect("published");
     let until = Instant::now() + Duration::from_secs(5);

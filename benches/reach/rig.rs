@@ -18,7 +18,7 @@ use vfd_gateway::vendors;
 
 use crate::support::{PROOF, n700};
 
-/// What a rig is made of.
+/// The options of a rig.
 pub struct Options {
     /// Drives at stations 1, 2, ...
     pub drives: u8,
@@ -59,7 +59,7 @@ impl Options {
     }
 }
 
-/// What is known after the end.
+/// The results after the end.
 pub struct Outcome {
     pub bus: BusReport,
     pub line: LineCounters,
@@ -68,7 +68,7 @@ pub struct Outcome {
 /// A running gateway and its line.
 pub struct Rig {
     pub address: SocketAddr,
-    /// Number of requests that the drive at station 1 has heard.
+    /// Number of requests that the drive at station 1 has received.
     pub exchanges: Arc<AtomicU64>,
     /// Replies that came late so far.
     pub late: Arc<AtomicU64>,
@@ -86,7 +86,9 @@ impl Rig {
         let exchanges = Arc::new(AtomicU64::new(0));
         let late = Arc::new(AtomicU64::new(0));
         let mut bus = bus(options);
-        let (ended, heard, seen_late) = (Arc::clone(&end), Arc::clone(&exchanges), Arc::clone(&late));
+        let ended = Arc::clone(&end);
+        let heard = Arc::clone(&exchanges);
+        let seen_late = Arc::clone(&late);
         let simulator = std::thread::spawn(move || {
             let look = |bus: &mut SimBus, _| {
                 heard.store(bus.exchange(Station(1)), Ordering::Release);

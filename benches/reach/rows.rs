@@ -13,7 +13,7 @@ use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// No character times, no silence: what the program itself costs.
+/// No character times, no silence: the cost of the program itself.
 pub fn unpaced() -> Vec<Row> {
     let (one, bare) = one_client();
     let rig = Rig::start(&Options::unpaced(1));
@@ -29,7 +29,7 @@ pub fn unpaced() -> Vec<Row> {
     ]
 }
 
-/// One client that waits for each answer, and the same hops with nothing in them, in turn: medians of five.
+/// One client that waits for each answer, and the same hops without the gateway, in turn: medians of five.
 fn one_client() -> (f64, f64) {
     let ask = |_: usize, n: u64| (1, PROOF + (n % 64) as u16, 1);
     let rig = Rig::start(&Options::unpaced(1));
@@ -44,7 +44,7 @@ fn one_client() -> (f64, f64) {
     medians(&pairs)
 }
 
-/// Many clients that ask for the same, and a thread that answers as many from nothing, in turn: medians of three.
+/// Many clients with the same request, and a thread that answers as many with constant data, in turn: medians of three.
 pub fn shared() -> Vec<Row> {
     const CLIENTS: usize = 64;
     let rig = Rig::start(&Options::unpaced(1));
@@ -88,7 +88,7 @@ pub fn dead() -> Vec<Row> {
         let rig = Rig::start(&Options { dead, ..Options::paced(8) });
         // From the very start, so that finding out that the drive is dead counts too.
         let load = clients::run(rig.address, 7, Duration::ZERO, 60 * SECOND, |client, n| {
-            // A client walks over its own drive and, every eighth time, over the eighth.
+            // A client reads its own drive and, every eighth time, the eighth.
             (if n % 8 == 7 { 8 } else { 1 + client as u8 }, 0x0101, 1)
         });
         rig.stop();
@@ -147,12 +147,14 @@ fn late_on_pty(wanted: u64) -> (u64, u64, u64) {
     };
     let rig = Rig::start(&options);
     let mut stream = TcpStream::connect(rig.address).expect("the gateway accepts");
-    let (mut right, mut wrong, mut n) = (0, 0, 0_u16);
+    let mut right = 0;
+    let mut wrong = 0;
+    let mut n = 0_u16;
     while rig.late.load(Ordering::Acquire) < wanted {
         let heard = rig.exchanges.load(Ordering::Acquire);
         n += 1;
         if let Ok(words) = clients::once(&mut stream, (1, PROOF, 1 + n % 3)) {
-            // Every exchange that this request caused is younger than all that the drive had heard before it.
+            // Every exchange that this request caused is later than all that the drive had received before it.
             let fresh = words.iter().all(|word| (word.wrapping_sub(heard as u16) as i16) > 0);
             *(if fresh { &mut right } else { &mut wrong }) += 1;
         }

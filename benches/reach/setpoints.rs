@@ -1,4 +1,5 @@
-//! Ten thousand setpoints a second for one drive: the newest wins, others are still answered, and a STOP goes out in time.
+//! Ten thousand setpoints a second for one drive: the newest wins, others are still answered, and a STOP is sent in
+//! time.
 
 use crate::commander::Commander;
 use crate::pipeline::{request, taken};
@@ -30,15 +31,17 @@ pub fn setpoints() -> Vec<Row> {
     let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen: 0 };
     let bounds = line_plan::stop_bounds(&setup.config().lines[0]);
     let gateway = Gateway::start(&setup);
-    let (mut commander, mut reader) = (Commander::connect(gateway.address), Commander::connect(gateway.address));
-    // Who has commanded stop may start.
+    let mut commander = Commander::connect(gateway.address);
+    let mut reader = Commander::connect(gateway.address);
+    // A client that has commanded stop may start.
     commander.insist(UNIFORM, RUN_WORD, 0);
     let flood = Flood::start(gateway.address);
     let rounds = if crate::is_quick() { 5 } else { 60 };
-    let (mut stops, mut reads) = (Vec::new(), Vec::new());
+    let mut stops = Vec::new();
+    let mut reads = Vec::new();
     for round in 0..rounds {
         commander.insist(UNIFORM, RUN_WORD, 1);
-        // Any moment of an exchange should be hit alike.
+        // So that every moment of an exchange is equally likely.
         std::thread::sleep(Duration::from_micros(200_000 + round * 7_919 % 42_000));
         let asked = clock::now();
         commander.send(UNIFORM, RUN_WORD, 0);
@@ -56,7 +59,8 @@ pub fn setpoints() -> Vec<Row> {
         line.wait_for(Duration::from_millis(500), |heard| heard.writes() && heard.frame[3] == SETPOINT as u8, |_| {});
     gateway.stop();
     line.stop();
-    let (stops, reads) = (Times::new(stops), Times::new(reads));
+    let stops = Times::new(stops);
+    let reads = Times::new(reads);
     let in_ms = |bound: Duration| bound.as_secs_f64() * 1e3;
     vec![
         Row::rate("setpoints: sent a second to one drive", A_SECOND as f64 * 0.95, sent as f64 / time.as_secs_f64()),
@@ -72,7 +76,7 @@ pub fn setpoints() -> Vec<Row> {
     ]
 }
 
-/// Clients of one commander that write setpoints and read no more of the answers than they must.
+/// Connections of one client that write setpoints and read no more of the answers than they must.
 struct Flood {
     end: Arc<AtomicBool>,
     thread: JoinHandle<(u64, Duration)>,
@@ -90,7 +94,8 @@ impl Flood {
         let end = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&end);
         let thread = std::thread::spawn(move || {
-            let (begun, mut sent) = (Instant::now(), 0_u64);
+            let begun = Instant::now();
+            let mut sent = 0_u64;
             while !ended.load(Ordering::Relaxed) {
                 while sent < begun.elapsed().as_micros() as u64 * A_SECOND / 1_000_000 {
                     let (stream, received) = &mut streams[sent as usize % CONNECTIONS];
@@ -103,7 +108,7 @@ impl Flood {
                 std::thread::sleep(Duration::from_millis(1));
             }
             let time = begun.elapsed();
-            // Behind all others on their way, and as they are taken in the order of their coming.
+            // After all others under way, since they are processed in the order of arrival.
             std::thread::sleep(Duration::from_millis(200));
             let mut last = crate::commander::Commander::connect(address);
             last.insist(UNIFORM, SETPOINT_WORD, LAST);
@@ -112,7 +117,7 @@ impl Flood {
         Self { end, thread }
     }
 
-    /// Ends it; how many were sent, and in what time.
+    /// Ends it. Returns how many were sent, and in what time.
     fn stop(self) -> (u64, Duration) {
         self.end.store(true, Ordering::Relaxed);
         self.thread.join().expect("it ends")

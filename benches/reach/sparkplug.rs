@@ -1,5 +1,5 @@
-//! Thirty-two drives of twenty metrics each, all of which change once a second: whether a Sparkplug host has every change,
-//! with every number in its place, and what that costs.
+//! Thirty-two drives of twenty metrics each, all of which change once a second: whether a Sparkplug host receives every
+//! change, with every number in sequence, and what that costs.
 
 use crate::bare_mqtt::Talker;
 use crate::brokers::Broker;
@@ -19,13 +19,13 @@ use vfd_gateway::north::sparkplug::payload::{Payload, Value};
 const POLL: Duration = Duration::from_secs(1);
 const WARM_UP: Duration = Duration::from_secs(5);
 
-/// What came at the host while it was looked at.
+/// What the host received during the measurement.
 #[derive(Default)]
 struct Seen {
     messages: u64,
     changes: u64,
     bytes: u64,
-    /// Numbers that were not the one behind the last.
+    /// Sequence numbers that did not follow the last.
     gaps: u64,
     next: Option<u64>,
     /// Aliases of the points.
@@ -56,28 +56,34 @@ impl Seen {
         self.bytes += bytes.len() as u64;
     }
 
-    /// Begins to count anew, and knows what was born.
+    /// Resets the counts, and keeps what was born.
     fn restart(&mut self) {
-        (self.messages, self.changes, self.bytes) = (0, 0, 0);
+        self.messages = 0;
+        self.changes = 0;
+        self.bytes = 0;
     }
 }
 
 pub fn sparkplug() -> Vec<Row> {
     let look = Duration::from_secs(if crate::is_quick() { 10 } else { 60 });
-    let (answered, end) = (Arc::new(Answered::new()), Arc::new(AtomicBool::new(false)));
+    let answered = Arc::new(Answered::new());
+    let end = Arc::new(AtomicBool::new(false));
     let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
-    let (broker, place) = (Broker::start(false), Place::new());
+    let broker = Broker::start(false);
+    let place = Place::new();
     let mut host = Talker::connect(broker.port, "bench-host", &["spBv1.0/#"]).expect("it accepts");
     let mut gateway = start_gateway(&place, &configuration(&ports, broker.port, &place));
     let mut seen = Seen::default();
     watch(&mut host, &mut seen, WARM_UP);
     seen.restart();
-    let (before, threads) = (ticks(gateway.id()), thread_ticks(gateway.id()));
+    let before = ticks(gateway.id());
+    let threads = thread_ticks(gateway.id());
     let begun = Instant::now();
     watch(&mut host, &mut seen, look);
     let took = begun.elapsed();
-    let (used, of_lines) = (ticks(gateway.id()) - before, thread_ticks(gateway.id()) - threads);
+    let used = ticks(gateway.id()) - before;
+    let of_lines = thread_ticks(gateway.id()) - threads;
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
     end.store(true, Ordering::Relaxed);
@@ -113,7 +119,7 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
     ]
 }
 
-/// Takes all that comes for so long.
+/// Receives for `span`.
 fn watch(host: &mut Talker, seen: &mut Seen, span: Duration) {
     let until = Instant::now() + span;
     while let Some(message) = host.next(until.saturating_duration_since(Instant::now())).expect("it is there") {

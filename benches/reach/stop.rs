@@ -1,4 +1,4 @@
-//! A STOP with a hundred thousand reads on offer: how long until its frame, and what still goes before it.
+//! A STOP with a hundred thousand reads on offer: how long until its frame, and what is still sent before it.
 
 use crate::bare;
 use crate::commander::Commander;
@@ -29,7 +29,7 @@ struct Stop {
     took: Duration,
     /// The same from the end of the exchange in flight and its silence on, or from the write if that was later.
     beyond: Duration,
-    /// How long after the write each frame began that went before it.
+    /// How long after the write each frame before it began.
     overtaken_by: Vec<Duration>,
 }
 
@@ -42,7 +42,7 @@ pub fn stop() -> Vec<Row> {
     let offer = Offer::start(gateway.address, CLIENTS, OFFERED, read_of);
     let timers = [true, false].map(|real_time| std::thread::spawn(move || bare::timer(1000, real_time)));
     let mut commander = Commander::connect(gateway.address);
-    // Who has commanded stop may start.
+    // A client that has commanded stop may start.
     commander.insist(UNIFORM, RUN_WORD, 0);
     let count = if crate::is_quick() { 10 } else { 150 };
     let stops: Vec<Stop> = (0..count).map(|n| one_stop(&line, &mut commander, n)).collect();
@@ -81,7 +81,7 @@ fn read_of(client: usize, slot: u16) -> Request {
 fn one_stop(line: &TappedLine, commander: &mut Commander, n: u32) -> Stop {
     commander.insist(UNIFORM, SETPOINT_WORD, 3000);
     commander.insist(UNIFORM, RUN_WORD, 1);
-    // Any moment of an exchange, which takes 42 ms, should be hit alike.
+    // So that every moment of an exchange, which takes 42 ms, is equally likely.
     std::thread::sleep(Duration::from_micros(200_000 + u64::from(n) * 7_919 % 42_000));
     let asked = clock::now();
     commander.send(UNIFORM, RUN_WORD, 0);

@@ -1,4 +1,4 @@
-//! The table: one row a figure, and what the figures are made of.
+//! The table: one row per figure.
 
 use std::time::Duration;
 
@@ -12,12 +12,14 @@ pub struct Row {
 
 impl Row {
     pub fn at_least(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
-        let (what, reached) = (what.into(), measured >= wanted);
+        let what = what.into();
+        let reached = measured >= wanted;
         Self { what, wanted: format!(">= {wanted}"), measured: format!("{measured:.3}"), reached }
     }
 
     pub fn at_most(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
-        let (what, reached) = (what.into(), measured <= wanted);
+        let what = what.into();
+        let reached = measured <= wanted;
         Self {
             what,
             wanted: format!("<= {wanted:.4}").trim_end_matches('0').trim_end_matches('.').to_owned(),
@@ -75,7 +77,7 @@ impl Times {
         self.0.len()
     }
 
-    /// The time that this part of all does not exceed; no number if there is none.
+    /// The time that this part of all does not exceed; NaN if there is none.
     pub fn at(&self, part: f64) -> f64 {
         if self.0.is_empty() { f64::NAN } else { part_of(&self.0, part) }
     }

@@ -1,4 +1,4 @@
-//! A simulated line of this process that tells when each request of the gateway reached its wire.
+//! A simulated line of this process that reports when each request of the gateway reached its wire.
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
@@ -20,7 +20,7 @@ use vfd_gateway::sim::{BusOptions, BusReport, DriveOptions, SimBus, SimDrive};
 
 use crate::support::n700;
 
-/// Longest wait of the player.
+/// Longest wait of the simulator.
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// Bytes of a request of the functions 03 and 06.
 const REQUEST_BYTES: usize = 8;
@@ -75,8 +75,8 @@ impl TappedLine {
         &self.path
     }
 
-    /// Waits for the first request of which `is_it` holds; nothing if it does not come in time. What came before it
-    /// goes to `other`.
+    /// Waits for the first request that satisfies `is_it`; `None` if it does not arrive in time. Requests before it are
+    /// passed to `other`.
     pub fn wait_for(
         &self,
         patience: Duration,
@@ -93,7 +93,7 @@ impl TappedLine {
         }
     }
 
-    /// Waits until nothing has come for `time`. Returns how many requests that wrote something came meanwhile.
+    /// Waits until no request has arrived for `time`. Returns how many writes arrived meanwhile.
     pub fn quiet(&self, time: Duration) -> u64 {
         let mut writes = 0;
         while let Ok(heard) = self.heard.recv_timeout(time) {
@@ -102,7 +102,7 @@ impl TappedLine {
         writes
     }
 
-    /// Forgets what came until now. Returns how many requests of it wrote something.
+    /// Drops the requests so far. Returns how many of them were writes.
     pub fn forget(&self) -> u64 {
         self.heard.try_iter().map(|heard| u64::from(heard.writes())).sum()
     }
@@ -118,7 +118,9 @@ fn play(pty: &Pty, bus: &mut SimBus, end: &AtomicBool, tell: &Sender<Heard>) -> 
         let _ = sys::ask_for_real_time();
     }
     let mut timer = RawTimer::new().expect("a timer");
-    let (mut buffer, mut out, mut begun) = ([0; 512], Vec::new(), Vec::new());
+    let mut buffer = [0; 512];
+    let mut out = Vec::new();
+    let mut begun = Vec::new();
     let mut first = MonoTime::ZERO;
     while !end.load(Ordering::Relaxed) {
         bus.take_due(clock::now(), |_, bytes| out.extend_from_slice(bytes));
@@ -134,7 +136,7 @@ fn play(pty: &Pty, bus: &mut SimBus, end: &AtomicBool, tell: &Sender<Heard>) -> 
                     first = if begun.is_empty() { at } else { first };
                     begun.push(*byte);
                     if begun.len() == REQUEST_BYTES {
-                        // Nobody listens any more at the end.
+                        // The receiver is gone at the end.
                         let _ = tell.send(Heard { at: first, frame: std::mem::take(&mut begun) });
                     }
                 }

@@ -25,7 +25,7 @@ pub const DRIVES: u8 = 4;
 pub const POINTS: u16 = 20;
 pub const POLL: Duration = Duration::from_millis(500);
 const WARM_UP: Duration = Duration::from_secs(5);
-/// As many exchanges of a drive are remembered, longer than any message is on its way.
+/// Exchanges of a drive that are remembered: longer than any message is under way.
 const REMEMBERED: usize = 4096;
 /// Ticks a second in which the system counts the time of a process.
 const TICKS: f64 = 100.0;
@@ -54,7 +54,7 @@ impl Answered {
     }
 }
 
-/// What came at the subscriber while it was looked at.
+/// What the subscriber received during the measurement.
 #[derive(Default)]
 struct Seen {
     ages: Vec<Duration>,
@@ -63,14 +63,17 @@ struct Seen {
 
 pub fn telemetry() -> Vec<Row> {
     let look = Duration::from_secs(if crate::is_quick() { 5 } else { 30 });
-    let (answered, end) = (Arc::new(Answered::new()), Arc::new(AtomicBool::new(false)));
+    let answered = Arc::new(Answered::new());
+    let end = Arc::new(AtomicBool::new(false));
     let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
-    let (broker, place) = (Broker::start(false), Place::new());
+    let broker = Broker::start(false);
+    let place = Place::new();
     let mut gateway = start_gateway(&place, &configuration(&ports, broker.port));
     let mut subscriber = Talker::connect(broker.port, "bench-watch", &["vfd/bench/drive/#"]).expect("it accepts");
     watch(&mut subscriber, &answered, WARM_UP);
-    let (ticks, threads) = (ticks(gateway.id()), thread_ticks(gateway.id()));
+    let ticks = ticks(gateway.id());
+    let threads = thread_ticks(gateway.id());
     let begun = Instant::now();
     let seen = watch(&mut subscriber, &answered, look);
     let took = begun.elapsed();
@@ -110,9 +113,10 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
     ]
 }
 
-/// Takes all that comes for so long.
+/// Receives for `span`.
 fn watch(subscriber: &mut Talker, answered: &Answered, span: Duration) -> Seen {
-    let (mut seen, until) = (Seen::default(), Instant::now() + span);
+    let mut seen = Seen::default();
+    let until = Instant::now() + span;
     while let Some(message) = subscriber.next(until.saturating_duration_since(Instant::now())).expect("it is there") {
         let mut levels = message.topic.split('/').skip(3);
         let drive = levels.next().and_then(|name| name.strip_prefix('d')).and_then(|number| number.parse().ok());
@@ -127,11 +131,12 @@ fn watch(subscriber: &mut Talker, answered: &Answered, span: Duration) -> Seen {
     seen
 }
 
-/// A line whose drives say of each exchange when they answered it.
+/// A line whose drives record when they answered each exchange.
 pub fn start_line(line: usize, answered: &Arc<Answered>, end: &Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>) {
     let pty = Pty::new().expect("a pseudo-terminal");
     let port = pty.path().to_owned();
-    let (answered, end) = (Arc::clone(answered), Arc::clone(end));
+    let answered = Arc::clone(answered);
+    let end = Arc::clone(end);
     let thread = std::thread::spawn(move || {
         let options = BusOptions { pacing: Pacing::None, silence: Some(Duration::ZERO), ..BusOptions::default() };
         let mut bus = SimBus::new(LinkSettings::DEFAULT, options, 1);
@@ -169,7 +174,7 @@ fn configuration(ports: &[PathBuf], broker: u16) -> String {
     text + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"
 }
 
-/// `head`, and behind it a line with its drives at each of `ports`, polled so often.
+/// `head`, followed by a line with its drives at each of `ports`, polled at the period `poll`.
 pub fn lines_text(head: &str, ports: &[PathBuf], poll: Duration) -> String {
     let mut text = head.to_owned();
     // Writing to a String cannot fail.
@@ -177,7 +182,8 @@ pub fn lines_text(head: &str, ports: &[PathBuf], poll: Duration) -> String {
         let _ = write!(text, "[[line]]\nname = \"l{line}\"\nport = \"{}\"\nsilence = \"0ms\"\n", port.display());
         for station in 1..=usize::from(DRIVES) {
             let drive = line * usize::from(DRIVES) + station - 1;
-            let (unit, uniform) = (drive + 1, drive + 101);
+            let unit = drive + 1;
+            let uniform = drive + 101;
             let _ = write!(
                 text,
                 "[[line.drive]]\nname = \"d{drive}\"\nmodel = \"hyundai-n700\"\nstation = {station}\n\
@@ -212,7 +218,7 @@ pub fn thread_ticks(process: u32) -> f64 {
 
 fn used(path: &str) -> f64 {
     let text = fs::read_to_string(path).expect("a process");
-    // The name in brackets may hold blanks.
+    // The name in brackets may contain blanks.
     let (_, rest) = text.rsplit_once(") ").expect("fields behind the name");
     let fields: Vec<&str> = rest.split(' ').collect();
     fields[11..13].iter().map(|field| field.parse::<f64>().expect("a number")).sum()

@@ -1,4 +1,4 @@
-//! Uniform reads out of memory, many in flight, beside a thread that answers as many with bytes that never change.
+//! Uniform reads from memory, many in flight, compared with a thread that answers as many with constant bytes.
 
 use crate::pipeline::{Pipeline, request};
 use crate::plant::{Gateway, Setup, UNIFORM};
@@ -79,12 +79,14 @@ fn answer_of(words: u16) -> Vec<u8> {
 
 fn serve(poll: &std::os::fd::OwnedFd, streams: &mut [TcpStream], answer: &[u8]) {
     let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
-    let (mut open, mut buffer, mut out) = (streams.len(), [0; 512], Vec::new());
+    let mut open = streams.len();
+    let mut buffer = [0; 512];
+    let mut out = Vec::new();
     while open > 0 {
         let ready = epoll::wait(poll, &mut events[..], None).expect("events");
         for event in &events[..ready] {
             let stream = &mut streams[event.data.u64() as usize];
-            // A request is never split here: clients send whole ones and get no further than 16.
+            // A request is never split here: clients send whole ones, at most 16 at once.
             let read = stream.read(&mut buffer).unwrap_or(0);
             if read == 0 {
                 epoll::delete(poll, &*stream).expect("epoll delete");

@@ -1,5 +1,5 @@
-//! The adapter is pulled out and plugged in again, on the program as a process: what it leaks, how soon it is back, what it
-//! costs while the adapter is away.
+//! The adapter is unplugged and replugged, with the program as a process: leaks, recovery time, and the cost while the
+//! adapter is missing.
 
 use crate::adapter::Adapter;
 use crate::brokers::free_port;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// The frequency source: read only when a client asks.
 const F010: [u8; 2] = [0x02, 0x11];
-/// Requests on the way when an adapter is pulled out.
+/// Requests in flight when an adapter is unplugged.
 const IN_FLIGHT: usize = 8;
 /// Longer than anything here takes.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -46,7 +46,7 @@ pub fn unplug() -> Vec<Row> {
                 adapter.pull_out();
             }
             client.wait_until(false);
-            // Any moment between two attempts.
+            // Varies the moment between two attempts.
             std::thread::sleep(Duration::from_millis(cycle * 37 % 500));
             adapter.plug_in();
             let plugged = Instant::now();
@@ -57,10 +57,11 @@ pub fn unplug() -> Vec<Row> {
     let after = descriptors(&gateway);
     adapter.pull_out();
     client.wait_until(false);
-    let (begun, used) = (Instant::now(), ticks(&gateway));
+    let begun = Instant::now();
+    let used = ticks(&gateway);
     std::thread::sleep(away);
     let used = (ticks(&gateway) - used) as f64 / TICKS / begun.elapsed().as_secs_f64() * 100.0;
-    // Nothing of it is wanted any more, and its drive has not run.
+    // It may be killed: its drive is not running.
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
     let times = Times::new(spans);
@@ -74,7 +75,7 @@ pub fn unplug() -> Vec<Row> {
     ]
 }
 
-/// A Modbus TCP client that counts on nothing.
+/// A Modbus TCP client that tolerates everything.
 struct Client {
     stream: TcpStream,
 }
@@ -99,12 +100,12 @@ impl Client {
         self.stream.write_all(&request.repeat(count)).expect("sent");
     }
 
-    /// How many of `count` answers come.
+    /// How many of `count` answers arrive.
     fn answers(&mut self, count: usize) -> usize {
         (0..count).take_while(|_| self.answer().is_some()).count()
     }
 
-    /// Whether the next answer holds a word; nothing: there is none.
+    /// Whether the next answer contains a word; `None` if there is no answer.
     fn answer(&mut self) -> Option<bool> {
         let mut header = [0; 8];
         self.stream.read_exact(&mut header).ok()?;
@@ -113,7 +114,7 @@ impl Client {
         Some(header[7] == 3)
     }
 
-    /// Reads until that succeeds, or fails.
+    /// Reads until it succeeds, or fails, as `succeeds` says.
     fn wait_until(&mut self, succeeds: bool) {
         let until = Instant::now() + PATIENCE;
         loop {
@@ -134,7 +135,7 @@ fn descriptors(program: &Child) -> usize {
 /// Processor time of all its threads so far, in ticks.
 fn ticks(program: &Child) -> u64 {
     let stat = std::fs::read_to_string(format!("/proc/{}/stat", program.id())).expect("its times");
-    // The name in brackets may hold spaces; utime and stime are the 12th and 13th field behind it.
+    // The name in brackets may contain spaces; utime and stime are the 12th and 13th field after it.
     let (_, fields) = stat.rsplit_once(')').expect("a name");
     fields.split_whitespace().skip(11).take(2).map(|ticks| ticks.parse::<u64>().expect("a number")).sum()
 }

@@ -10,13 +10,13 @@
 //! | `--what stop` | 10,000 stops while reads crowd, each to the nanosecond |
 //! | `--what kills` | 10,000 kills of the gateway at any moment |
 //! | `--what audit` | 1,000,000 attempts to write, each accounted for once |
-//! | `--what stale` | 1,000,000 stale, retained, doubled and reordered commands, none executed |
+//! | `--what stale` | 1,000,000 stale, retained, duplicate and reordered commands, none executed |
 //! | `--what holders` | 1,024 lease holders vanish, all of a line at once |
-//! | `--extras LIST` | what goes wrong beside the line: `on`, `all`, `none`, or names from `tests/simulation/extras.rs` |
+//! | `--extras LIST` | further faults beyond the line: `on`, `all`, `none`, or names from `tests/simulation/extras.rs` |
 //! | `--exchanges N` | another number |
 //! | `--seed S` | the first seed, 1 |
 //! | `--shards K` | threads, one for each processor |
-//! | `--minutes M` | the end whatever has been reached |
+//! | `--minutes M` | ends after this time in any case |
 
 #![allow(
     clippy::unwrap_used,
@@ -40,7 +40,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// What is run, and how far.
+/// The simulation to run, and its limits.
 struct Job {
     what: String,
     extras: Extras,
@@ -56,7 +56,7 @@ struct Job {
 }
 
 impl Job {
-    /// One seed after the other, until enough is done.
+    /// Runs one seed after the other, until enough is done.
     fn work(&self) {
         while self.done.load(Ordering::Relaxed) < self.wanted && Instant::now() < self.until {
             let seed = self.seed.fetch_add(1, Ordering::Relaxed);
@@ -199,7 +199,8 @@ fn progress(job: &Job, begun: Instant) {
         std::thread::sleep(Duration::from_millis(100));
         if Instant::now() >= next {
             next += Duration::from_secs(10);
-            let (done, wall) = (job.done.load(Ordering::Relaxed), begun.elapsed().as_secs_f64());
+            let done = job.done.load(Ordering::Relaxed);
+            let wall = begun.elapsed().as_secs_f64();
             eprintln!("{done} of {} in {wall:.0} s, {:.0} a second", job.wanted, done as f64 / wall);
         }
     }

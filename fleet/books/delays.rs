@@ -1,13 +1,13 @@
-//! Times counted by many threads at once, in buckets that grow with them.
+//! A histogram of times that many threads add to, with buckets that grow with the time.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use vfd_gateway::domain::buckets::Buckets;
 
-/// Of microseconds, at most a thirty-second wider than the times in them, below 19 hours.
+/// Buckets in microseconds, at most one thirty-second wide relative to their times, up to 19 hours.
 const BUCKETS: Buckets = Buckets::new(5, 36);
 
-/// Times with a resolution of a microsecond or a thirty-second of themselves.
+/// Times with a resolution of a microsecond or one thirty-second of the time.
 #[derive(Debug)]
 pub struct Delays {
     counts: Vec<AtomicU64>,

@@ -1,4 +1,4 @@
-//! The books of a fleet: of each update of each drive whether it was sent, acknowledged and received.
+//! The books of a fleet: for each update of each drive, whether it was sent, acknowledged and received.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 pub const UPDATES_MAX: u64 = 500_000_000;
 const WORD_BITS: u64 = u64::BITS as u64;
 
-/// What became of each update. Updates of a drive are numbered from 0 in the order in which they are first sent.
+/// The state of each update. Updates of a drive are numbered from 0 in the order in which they are first sent.
 #[derive(Debug)]
 pub struct Ledger {
     words_per_drive: usize,
@@ -14,18 +14,18 @@ pub struct Ledger {
     sent: Vec<AtomicU64>,
     acknowledged: Vec<AtomicU64>,
     received: Vec<AtomicU64>,
-    /// One more than the highest number received, of each drive.
+    /// The highest number received of each drive, plus one.
     newest: Vec<AtomicU32>,
 }
 
-/// What a message that came is.
+/// The kind of a received message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receipt {
-    /// An update that had not come yet.
+    /// An update that was not received before.
     First,
-    /// The same behind a newer one of its drive.
+    /// The same, after a newer one of its drive.
     Late,
-    /// One that had come already.
+    /// One that was received already.
     Again,
     /// One that was never sent.
     Foreign,
@@ -47,7 +47,8 @@ pub struct Balance {
 }
 
 impl Ledger {
-    /// Empty books for so many drives with at most so many updates each; nothing if that is more than [`UPDATES_MAX`].
+    /// Empty books for a number of drives with at most a number of updates each; `None` if that is more than
+    /// [`UPDATES_MAX`].
     #[must_use]
     pub fn new(drives: usize, updates_per_drive: u32) -> Option<Self> {
         let words = u64::from(updates_per_drive).div_ceil(WORD_BITS);
@@ -63,7 +64,7 @@ impl Ledger {
         })
     }
 
-    /// Books that an update was given to the broker.
+    /// Books that an update was sent to the broker.
     pub fn sent(&self, drive: usize, number: u32) {
         self.book(&self.sent, drive, number);
     }
@@ -87,7 +88,7 @@ impl Ledger {
         if newest.is_some_and(|newest| newest > number) { Receipt::Late } else { Receipt::First }
     }
 
-    /// Everything, counted. While others still book, it is a moment's view of each drive.
+    /// All counts. While other threads still book, it is a snapshot of each drive.
     #[must_use]
     pub fn balance(&self) -> Balance {
         let books = self.sent.iter().zip(&self.acknowledged).zip(&self.received);
@@ -104,7 +105,7 @@ impl Ledger {
         })
     }
 
-    /// Sets the bit of an update; whether it was not set before.
+    /// Sets the bit of an update. Returns whether it was not set before.
     fn book(&self, book: &[AtomicU64], drive: usize, number: u32) -> bool {
         let Some((word, bit)) = self.place(drive, number) else { return false };
         book.get(word).is_some_and(|word| word.fetch_or(bit, Ordering::AcqRel) & bit == 0)
@@ -114,7 +115,8 @@ impl Ledger {
         if drive >= self.newest.len() || number >= self.updates_per_drive {
             return None;
         }
-        let (word, bit) = (u64::from(number) / WORD_BITS, u64::from(number) % WORD_BITS);
+        let word = u64::from(number) / WORD_BITS;
+        let bit = u64::from(number) % WORD_BITS;
         Some((drive * self.words_per_drive + word as usize, 1 << bit))
     }
 }

@@ -1,4 +1,4 @@
-//! The mark of an update: its number and when it was due, so that whoever receives it knows what is missing and how late it
+//! The mark of an update: its number and when it was due, so that the receiver knows what is missing and how late it
 //! is.
 
 use super::shape::Update;
@@ -31,7 +31,8 @@ impl Mark {
     /// member in front; a number is the mark alone, and as long as that of a value may be.
     #[must_use]
     pub fn on(self, update: Update, body: &[u8]) -> Vec<u8> {
-        let (number, due) = (self.number, self.due.as_nanos() / 1_000);
+        let number = self.number;
+        let due = self.due.as_nanos() / 1_000;
         match update {
             Update::State => {
                 let mut payload = format!("{DOCUMENT}{number}{DUE}{due}{END}").into_bytes();
@@ -42,7 +43,7 @@ impl Mark {
         }
     }
 
-    /// The mark of a payload; nothing if it has none.
+    /// The mark of a payload; `None` if it has none.
     #[must_use]
     pub fn of(update: Update, payload: &[u8]) -> Option<Self> {
         let (number, due) = match update {
@@ -62,7 +63,7 @@ impl Mark {
         now.since(self.due)
     }
 
-    /// Whether it was due before `start` by more than a second: it belongs to an earlier simulation.
+    /// Whether it was due more than a second before `start`, and so belongs to an earlier simulation.
     #[must_use]
     pub fn is_older_than(self, start: MonoTime) -> bool {
         self.due.as_nanos() / 1_000 + MICROS_PER_SECOND < start.as_nanos() / 1_000

@@ -1,4 +1,4 @@
-//! The shape of a fleet: how many gateways with how many drives, what each calls itself, and when each update is due.
+//! The shape of a fleet: how many gateways with how many drives, their names, and when each update is due.
 
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
@@ -6,7 +6,7 @@ use vfd_gateway::domain::time::MonoTime;
 /// What an update of a drive publishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Update {
-    /// The document `state`, with all that is known of the drive.
+    /// The document `state`, with everything that is known about the drive.
     State,
     /// The topic `frequency/output`, with one number.
     Frequency,
@@ -23,7 +23,7 @@ impl Update {
     }
 }
 
-/// How many there are, and how often each drive has news.
+/// The numbers of gateways, drives and updates, and the interval of updates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// First levels of all topics.
@@ -59,20 +59,20 @@ impl Shape {
         format!("{}/{}/{rest}", self.prefix, Self::gateway_name(gateway))
     }
 
-    /// The topic on which a drive has its updates.
+    /// The topic of the updates of a drive.
     #[must_use]
     pub fn topic(&self, gateway: usize, drive: usize) -> String {
         self.topic_of_gateway(gateway, &format!("drive/{}/{}", Self::drive_name(drive), self.update.topic()))
     }
 
-    /// The filter for the updates of one gateway; nothing: of all.
+    /// The filter for the updates of one gateway; `None` for all.
     #[must_use]
     pub fn filter(&self, gateway: Option<usize>) -> String {
         let gateway = gateway.map_or_else(|| "+".to_owned(), Self::gateway_name);
         format!("{}/{gateway}/drive/+/{}", self.prefix, self.update.topic())
     }
 
-    /// The drive whose updates come on `topic`, counted over all gateways.
+    /// The drive whose updates are published on `topic`, counted over all gateways.
     #[must_use]
     pub fn drive_of(&self, topic: &str) -> Option<usize> {
         let below = topic.strip_prefix(self.prefix.as_str())?.strip_prefix('/')?;
@@ -108,11 +108,12 @@ impl Shape {
     }
 
     /// When the update of `gateway` with this place in its order is due, if the first of all is due at `start`. Drives
-    /// take turns, as polls on a line do, and no gateway goes in step with another.
+    /// take turns, as polls on a line do, and no two gateways are in step.
     #[must_use]
     pub fn due(&self, gateway: usize, place: u64, start: MonoTime) -> MonoTime {
         let nanos = u64::try_from(self.interval.as_nanos()).unwrap_or(u64::MAX);
-        let (round, drive) = (place / self.drives.max(1) as u64, place % self.drives.max(1) as u64);
+        let round = place / self.drives.max(1) as u64;
+        let drive = place % self.drives.max(1) as u64;
         let slots = (self.drives_of_all() as u64).max(1);
         let slot = drive * self.gateways as u64 + gateway as u64;
         let phase = u128::from(nanos) * u128::from(slot) / u128::from(slots);

@@ -1,4 +1,4 @@
-//! What all threads of a simulation share: the plan, how far it is, and the books.
+//! State that all threads of a simulation share: the plan, its progress, and the books.
 
 use super::Plan;
 use crate::books::{Delays, Ledger};
@@ -7,18 +7,18 @@ use std::sync::{Mutex, PoisonError};
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::time::MonoTime;
 
-/// How far a simulation is.
+/// The phase of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Everybody connects.
+    /// Consumers and gateways connect.
     Connecting,
     /// The gateways publish; the first update is due at this moment.
     Publishing(MonoTime),
-    /// Nothing new is sent; what is not acknowledged still is.
+    /// No new updates are sent; unacknowledged ones still are.
     Draining,
-    /// Retained messages are taken back.
+    /// Retained messages are cleared.
     Clearing,
-    /// Everybody leaves.
+    /// All clients disconnect.
     Ending,
 }
 
@@ -27,18 +27,18 @@ pub enum Phase {
 pub struct Count(AtomicU64);
 
 impl Count {
-    /// One more.
+    /// Increments it.
     pub fn add(&self) {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How many there are.
+    /// Its value.
     pub fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// What all threads share.
+/// State that all threads share.
 #[derive(Debug)]
 pub struct Board {
     pub plan: Plan,
@@ -53,19 +53,19 @@ pub struct Board {
     pub consumers: Count,
     /// Connections that the broker accepted.
     pub connections: Count,
-    /// Those of them that broke.
+    /// Of these: those that broke.
     pub broken: Count,
     /// Updates that the broker refused.
     pub refused: Count,
-    /// Updates that were sent once more behind a reconnect.
+    /// Updates that were sent again after a reconnect.
     pub repeated: Count,
-    /// Messages that came, all copies.
+    /// Messages received, including copies.
     pub received: Count,
-    /// Updates that came again.
+    /// Updates received again.
     pub again: Count,
-    /// Updates that came behind a newer one of their drive.
+    /// Updates received after a newer one of their drive.
     pub late: Count,
-    /// Messages that are no update of this simulation.
+    /// Messages that are not updates of this simulation.
     pub foreign: Count,
     /// When the simulation was begun.
     pub begun: MonoTime,
@@ -76,7 +76,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board for `plan`; nothing if its books would be too large.
+    /// A board for `plan`; `None` if its books would be too large.
     pub fn new(plan: Plan) -> Option<Self> {
         let ledger = Ledger::new(plan.shape.drives_of_all(), plan.shape.updates)?;
         Some(Self {
@@ -102,7 +102,7 @@ impl Board {
         })
     }
 
-    /// How far it is.
+    /// The present phase.
     pub fn phase(&self) -> Phase {
         match self.phase.load(Ordering::Acquire) {
             0 => Phase::Connecting,
@@ -113,7 +113,7 @@ impl Board {
         }
     }
 
-    /// Goes on.
+    /// Enters `phase`.
     pub fn enter(&self, phase: Phase) {
         let number = match phase {
             Phase::Connecting => 0,
@@ -128,25 +128,25 @@ impl Board {
         self.phase.store(number, Ordering::Release);
     }
 
-    /// Why somebody is not connected.
+    /// Notes why a client is not connected.
     pub fn note(&self, reason: &str) {
         if !reason.is_empty() {
             reason.clone_into(&mut self.reason.lock().unwrap_or_else(PoisonError::into_inner));
         }
     }
 
-    /// Why somebody was not connected last; nothing: everybody was.
+    /// Why the last client was not connected; `None` if all were.
     pub fn reason(&self) -> Option<String> {
         let reason = self.reason.lock().unwrap_or_else(PoisonError::into_inner).clone();
         (!reason.is_empty()).then_some(reason)
     }
 
-    /// The simulation makes no sense for this reason.
+    /// Fails the simulation for this reason.
     pub fn fail(&self, reason: String) {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(reason);
     }
 
-    /// Why it makes no sense.
+    /// Why it failed.
     pub fn failure(&self) -> Option<String> {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

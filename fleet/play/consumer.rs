@@ -1,4 +1,4 @@
-//! A consumer of the fleet: it subscribes, and books what comes.
+//! A consumer of the fleet: it subscribes, and books what it receives.
 
 use super::Reading;
 use super::board::{Board, Phase};
@@ -20,7 +20,7 @@ pub struct Consumer {
     board: Arc<Board>,
     number: usize,
     over: Rc<Notify>,
-    /// A broker that speaks 3.1.1 sends what it keeps at every subscription, with the retain flag.
+    /// With 3.1.1 a broker sends retained messages at every subscription, with the retain flag.
     version: Version,
     is_connected: bool,
     is_asked: bool,
@@ -35,7 +35,8 @@ impl Consumer {
     }
 
     fn filters(&self) -> Vec<Filter> {
-        let (shape, consumers) = (&self.board.plan.shape, self.board.plan.consumers.len().max(1));
+        let shape = &self.board.plan.shape;
+        let consumers = self.board.plan.consumers.len().max(1);
         let paths = match self.board.plan.reading {
             Reading::All => vec![shape.filter(None)],
             Reading::Shared => vec![format!("$share/{GROUP}/{}", shape.filter(None))],
@@ -59,7 +60,8 @@ impl Consumer {
     }
 
     fn receive(&self, at: MonoTime, message: &Message<'_>) {
-        let (board, shape) = (&self.board, &self.board.plan.shape);
+        let board = &self.board;
+        let shape = &self.board.plan.shape;
         let is_kept = message.retain && self.version == Version::V4;
         if message.payload.is_empty() || is_kept {
             return;
@@ -67,7 +69,7 @@ impl Consumer {
         let mark = Mark::of(shape.update, message.payload).filter(|mark| !mark.is_older_than(board.begun));
         let (Some(drive), Some(mark)) = (shape.drive_of(message.topic), mark) else { return board.foreign.add() };
         board.received.add();
-        // Where each gets everything, one keeps the books.
+        // If each consumer gets everything, only one keeps the books.
         if board.plan.reading == Reading::All && self.number > 0 {
             return;
         }
@@ -98,7 +100,8 @@ impl Talk for Consumer {
     fn handle(&mut self, at: Moment, event: Event<'_>) {
         match event {
             Event::Connected(_) => {
-                (self.is_connected, self.is_asked) = (true, false);
+                self.is_connected = true;
+                self.is_asked = false;
                 self.board.connections.add();
             }
             Event::Subscribed(granted) => self.subscribed(&granted),

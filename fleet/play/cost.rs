@@ -1,26 +1,26 @@
-//! What processes cost: time on the processor and memory, as the system counts them.
+//! The cost of processes: processor time and memory, as the system counts them.
 
 use std::fs::read_to_string;
 use std::time::Duration;
 
-/// The system counts processor time in hundredths of a second towards programs, whatever its own clock does.
+/// The system reports processor time in hundredths of a second, whatever its own tick.
 const TICK: Duration = Duration::from_millis(10);
 
-/// What a process has cost so far.
+/// The cost of a process so far.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cost {
     /// Its number.
     pub process: u32,
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Time on the processor, of all its threads.
+    /// Processor time of all its threads.
     pub cpu: Duration,
-    /// Memory that it holds.
+    /// Resident memory in kB.
     pub resident_kb: u64,
 }
 
 impl Cost {
-    /// That of a process; nothing if there is none with this number.
+    /// The cost of a process; `None` if it does not exist.
     #[must_use]
     pub fn of(process: u32) -> Option<Self> {
         let stat = read_to_string(format!("/proc/{process}/stat")).ok()?;
@@ -38,7 +38,7 @@ impl Cost {
     }
 }
 
-/// Name and processor time in the text of `stat`. The name may hold blanks and brackets itself.
+/// Name and processor time in the text of `stat`. The name may contain blanks and brackets.
 fn parse(stat: &str) -> Option<(String, Duration)> {
     let (head, rest) = stat.rsplit_once(')')?;
     let (_, name) = head.split_once('(')?;

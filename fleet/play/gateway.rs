@@ -1,4 +1,4 @@
-//! A gateway of the fleet: when each of its updates is due, what of it is not acknowledged yet, and what it takes back.
+//! A gateway of the fleet: when each of its updates is due, which are not acknowledged yet, and which topics it clears.
 
 use super::board::{Board, Phase};
 use crate::books::{Mark, Shape};
@@ -16,7 +16,7 @@ use vfd_gateway::north::clock::Moment;
 pub struct Gateway {
     board: Arc<Board>,
     number: usize,
-    /// Rung when it has nothing more to say.
+    /// Notified when it has nothing more to send.
     over: Rc<Notify>,
     is_connected: bool,
     was_connected: bool,
@@ -25,11 +25,11 @@ pub struct Gateway {
     place: u64,
     /// How many updates of each drive were sent.
     sent: Vec<u32>,
-    /// When the updates were due that the broker has not acknowledged.
+    /// Unacknowledged updates, with when they were due.
     unacknowledged: BTreeMap<Token, MonoTime>,
-    /// Those of them that go again on this connection.
+    /// Of these: updates to be sent again on this connection.
     again: VecDeque<Token>,
-    /// Topics that were taken back.
+    /// Topics that were cleared.
     cleared: usize,
 }
 
@@ -64,7 +64,8 @@ impl Gateway {
     }
 
     fn connected(&mut self) {
-        (self.is_connected, self.has_greeted) = (true, false);
+        self.is_connected = true;
+        self.has_greeted = false;
         self.board.connections.add();
         if !std::mem::replace(&mut self.was_connected, true) {
             self.board.gateways.add();
@@ -82,7 +83,8 @@ impl Gateway {
 
     fn status(&self, text: &str) -> Publication {
         let topic = self.shape().topic_of_gateway(self.number, "status");
-        let (payload, retain) = (text.as_bytes().to_vec(), self.board.plan.retain);
+        let payload = text.as_bytes().to_vec();
+        let retain = self.board.plan.retain;
         Publication { topic, payload, retain, qos: Qos::AtLeastOnce, expiry: None, correlation: None, token: None }
     }
 
@@ -99,8 +101,8 @@ impl Gateway {
         }
     }
 
-    /// The next update that is due. One whose successor is due as well is left out, as a gateway does: only the newest
-    /// state of a drive is news.
+    /// The next update that is due. One whose successor is due as well is left out, as in a real gateway: only the
+    /// newest state of a drive is published.
     fn next_due(&mut self, at: MonoTime, start: MonoTime) -> Option<Publication> {
         while self.place < self.shape().updates_of_gateway() {
             let due = self.shape().due(self.number, self.place, start);
@@ -135,7 +137,7 @@ impl Gateway {
         None
     }
 
-    /// Takes back what the broker keeps of it, then rings that it is over.
+    /// Clears its retained messages, then notifies that it has finished.
     fn next_clearing(&mut self) -> Option<Publication> {
         let drives = if self.board.plan.retain { self.shape().drives } else { 0 };
         while self.cleared < drives {
@@ -263,7 +265,7 @@ mod tests {
         gateway
     }
 
-    /// So many milliseconds behind the start.
+    /// The moment `millis` milliseconds after the start.
     fn at(millis: u64) -> Moment {
         Moment { mono: START + Duration::from_millis(millis), wall: WallTime { unix_ms: 0 } }
     }

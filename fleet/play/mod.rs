@@ -1,8 +1,8 @@
-//! A fleet of gateways on a real broker, for sizing: many connections that publish as gateways do, consumers that check what
-//! arrives, and an end that comes by itself.
+//! A fleet of gateways on a real broker, for sizing: many connections that publish as gateways do, and consumers that
+//! check what arrives. It ends by itself.
 //!
-//! [`run`] is the order of it. Each gateway and each consumer is a [`Talk`](vfd_gateway::daemon::mqtt::Talk) on the same client that the
-//! gateway itself has, so that its waits, limits and repeats are the real ones.
+//! [`run`] is the sequence. Each gateway and each consumer is a [`Talk`](vfd_gateway::daemon::mqtt::Talk) on the
+//! gateway's own client, so that its waits, limits and repeats are the real ones.
 
 mod board;
 mod consumer;
@@ -21,7 +21,7 @@ use vfd_gateway::north::broker::Qos;
 /// What is to be simulated.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// How many publish what, and when.
+    /// The numbers of gateways, drives and updates.
     pub shape: Shape,
     /// Quality of service of the updates.
     pub qos: Qos,
@@ -29,30 +29,30 @@ pub struct Plan {
     pub retain: bool,
     /// How long it may keep it (MQTT 5).
     pub expiry: Option<Duration>,
-    /// The document of a drive, which each update of its state repeats.
+    /// The document of a drive, which each update of its state contains.
     pub state: Vec<u8>,
     /// How each gateway reaches the broker.
     pub gateways: Vec<ConnectionSettings>,
-    /// How each consumer does.
+    /// How each consumer reaches the broker.
     pub consumers: Vec<ConnectionSettings>,
-    /// Who of the consumers gets what.
+    /// How updates are distributed to consumers.
     pub reading: Reading,
-    /// So many gateways connect in a second.
+    /// Gateways that connect in a second.
     pub connects_per_second: u32,
     /// Threads for the gateways.
     pub threads: usize,
-    /// Longest time for what is still on its way when the last update was due.
+    /// Longest wait for messages under way after the last update was due.
     pub drain: Duration,
-    /// Other processes whose cost is measured, by their numbers: the broker's.
+    /// Ids of other processes whose cost is measured, such as the broker.
     pub watched: Vec<u32>,
 }
 
-/// Who of several consumers gets what.
+/// How updates are distributed to several consumers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
     /// Each gets everything.
     All,
-    /// The broker deals it out: a shared subscription.
+    /// The broker distributes them: a shared subscription.
     Shared,
     /// Each has its own gateways.
     Split,

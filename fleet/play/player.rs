@@ -1,4 +1,4 @@
-//! Threads on which gateways and consumers play, each on a connection of its own.
+//! Threads that run gateways and consumers, each on a connection of its own.
 
 use super::board::Board;
 use super::consumer::Consumer;
@@ -17,19 +17,19 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::north::broker::{Event, Publication, Qos};
 use vfd_gateway::north::clock::Moment;
 
-/// How often it is looked why somebody is not connected.
+/// How often it is checked why a client is not connected.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// Longest time for a broker to forget a session.
 const FORGET_MAX: Duration = Duration::from_secs(10);
 
-/// Who plays.
+/// The role of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     Gateway,
     Consumer,
 }
 
-/// The one with this number, and how it is called.
+/// A client: its role, number and name.
 #[derive(Clone, Debug)]
 pub struct Place {
     pub role: Role,
@@ -37,7 +37,7 @@ pub struct Place {
     pub bell: Arc<Notify>,
 }
 
-/// A thread on which all of `places` play until each is over.
+/// A thread that runs all of `places` until each has finished.
 pub fn thread(board: Arc<Board>, places: Vec<Place>) -> io::Result<JoinHandle<()>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     Builder::new().name("fleet".to_owned()).spawn(move || {
@@ -70,13 +70,14 @@ async fn play(board: Arc<Board>, place: Place) {
     }
 }
 
-/// When the one with this number connects.
+/// When client `number` connects.
 fn ramp(number: usize, per_second: u32) -> Duration {
     Duration::from_secs_f64(number as f64 / f64::from(per_second.max(1)))
 }
 
 async fn talk_until_over<T: Talk>(board: &Board, settings: ConnectionSettings, talk: T, bell: &Notify, over: &Notify) {
-    let (talk, counters) = (RefCell::new(talk), Counters::default());
+    let talk = RefCell::new(talk);
+    let counters = Counters::default();
     let look = async {
         loop {
             sleep(LOOK_EVERY).await;
@@ -89,23 +90,28 @@ async fn talk_until_over<T: Talk>(board: &Board, settings: ConnectionSettings, t
     }
 }
 
-/// Has the broker forget the session of `settings`, so that nothing of an earlier simulation comes and nothing is left.
+/// Makes the broker forget the session of `settings`, so that no messages of an earlier simulation arrive and none are
+/// left.
 pub async fn forget(settings: ConnectionSettings) {
     let settings = ConnectionSettings { keeps: Keeps::Nothing, ..settings };
     let over = Rc::new(Notify::new());
-    let (talk, counters, bell) = (RefCell::new(Visitor { over: Rc::clone(&over) }), Counters::default(), Notify::new());
-    // A broker that is not there is met again, with a reason.
+    let talk = RefCell::new(Visitor { over: Rc::clone(&over) });
+    let counters = Counters::default();
+    let bell = Notify::new();
+    // An unreachable broker is reported later, with a reason.
     let _ = timeout(FORGET_MAX, converse(settings, &talk, &bell, &counters, over.notified())).await;
 }
 
-/// Connects and leaves.
+/// Connects and disconnects.
 struct Visitor {
     over: Rc<Notify>,
 }
 
 impl Talk for Visitor {
     fn will(&self) -> Publication {
-        let (topic, payload, qos) = ("fleet/visitor".to_owned(), Vec::new(), Qos::AtMostOnce);
+        let topic = "fleet/visitor".to_owned();
+        let payload = Vec::new();
+        let qos = Qos::AtMostOnce;
         Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }
     }
 

@@ -1,5 +1,5 @@
-//! The order of a simulation: consumers first, then the gateways one after the other, the updates, what is still on its way,
-//! and the tidying up.
+//! The sequence of a simulation: consumers, gateways one after the other, updates, messages still under way, and
+//! cleaning up.
 
 use super::Plan;
 use super::board::{Board, Phase};
@@ -18,18 +18,18 @@ use vfd_gateway::daemon::mqtt::Keeps;
 use vfd_gateway::daemon::service::run::told_to_end;
 use vfd_gateway::domain::time::MonoTime;
 
-/// How often it is looked how far everybody is.
+/// How often the progress is checked.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Longest time for a consumer to be subscribed, and for the last gateways to be connected.
 const CONNECTED_MAX: Duration = Duration::from_secs(60);
 /// Between the last connection and the first update.
 const PAUSE: Duration = Duration::from_millis(500);
-/// Longest time for taking back what the broker keeps.
+/// Longest time for clearing retained messages.
 const CLEARING_MAX: Duration = Duration::from_secs(60);
-/// Descriptors that are no connections of the fleet.
+/// Descriptors other than connections of the fleet.
 const OTHER_FILES: usize = 64;
 
-/// How far a simulation is, for people.
+/// The progress of a simulation, for display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// What is being done.
@@ -49,20 +49,20 @@ pub enum Stage {
     Subscribing,
     /// Gateways connect.
     Connecting,
-    /// Updates go out; counted in seconds.
+    /// Updates are published; counted in seconds.
     Publishing,
-    /// What is on its way arrives.
+    /// Messages under way arrive.
     Draining,
-    /// Retained messages are taken back.
+    /// Retained messages are cleared.
     Clearing,
 }
 
-/// What came of it.
+/// The result of a simulation.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Seconds for which updates were sent.
     pub seconds: f64,
-    /// It was ended from outside.
+    /// It was interrupted.
     pub is_cut: bool,
     /// Updates that were due in that time.
     pub due: u64,
@@ -70,34 +70,35 @@ pub struct Outcome {
     pub at_last: Balance,
     /// The books in the end.
     pub at_end: Balance,
-    /// Messages that came, all copies.
+    /// Messages received, including copies.
     pub received: u64,
-    /// Updates that came again.
+    /// Updates received again.
     pub again: u64,
-    /// Updates that came behind a newer one of their drive.
+    /// Updates received after a newer one of their drive.
     pub late: u64,
-    /// Messages that are no update of this simulation.
+    /// Messages that are not updates of this simulation.
     pub foreign: u64,
     /// Updates that the broker refused.
     pub refused: u64,
-    /// Updates that were sent once more behind a reconnect.
+    /// Updates that were sent again after a reconnect.
     pub repeated: u64,
     /// Connections that the broker accepted.
     pub connections: u64,
-    /// Those of them that broke.
+    /// Of these: those that broke.
     pub broken: u64,
-    /// From due to received: of half of all, of 99 %, of all.
+    /// From due to received: median, 99 %, maximum.
     pub delays: [Duration; 3],
-    /// From due to acknowledged, in the same way.
+    /// From due to acknowledged, likewise.
     pub acknowledgements: [Duration; 3],
-    /// Processors that were busy, this process first, and memory in the end.
+    /// Memory at the end and busy processors, this process first.
     pub costs: Vec<(Cost, f64)>,
 }
 
-/// Simulates `plan` and tells `watch` how far it is. It ends by itself, or in good order on SIGINT or SIGTERM.
+/// Simulates `plan` and reports the progress to `watch`. Returns by itself, or after an orderly end on SIGINT or
+/// SIGTERM.
 ///
 /// # Errors
-/// Why it could not be simulated, for people.
+/// Why it could not be simulated, as text.
 pub fn run(plan: Plan, watch: impl FnMut(&Progress)) -> Result<Outcome, String> {
     let wanted = plan.gateways.len() + plan.consumers.len() + OTHER_FILES;
     let room = descriptors::room_for_connections();
@@ -137,7 +138,8 @@ impl<W: FnMut(&Progress)> Simulation<W> {
     }
 
     async fn play_until<S: Future<Output = ()>>(&mut self, mut told: Pin<&mut S>) -> Result<Outcome, String> {
-        let (gateways, consumers) = (self.board.plan.gateways.len(), self.board.plan.consumers.len());
+        let gateways = self.board.plan.gateways.len();
+        let consumers = self.board.plan.consumers.len();
         self.start(Role::Consumer, consumers, 1)?;
         let subscribed = (Stage::Subscribing, consumers as u64, CONNECTED_MAX);
         self.wait_for_all(subscribed, |board| board.consumers.get(), told.as_mut()).await?;
@@ -161,7 +163,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         Ok(outcome)
     }
 
-    /// Starts `count` players on so many threads.
+    /// Starts `count` clients on `threads` threads.
     fn start(&mut self, role: Role, count: usize, threads: usize) -> Result<(), String> {
         let threads = threads.clamp(1, count.max(1));
         let all: Vec<_> = (0..count).map(|number| Place { role, number, bell: Arc::new(Notify::new()) }).collect();
@@ -213,7 +215,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         }
     }
 
-    /// Until the last update is due. Returns whether it was cut short.
+    /// Waits until the last update is due. Returns whether it was interrupted.
     async fn publish<S: Future<Output = ()>>(&mut self, start: MonoTime, mut told: Pin<&mut S>) -> bool {
         let lasts = self.board.plan.shape.lasts();
         let mut shown = None;
@@ -233,7 +235,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         }
     }
 
-    /// Until everything has arrived, or it takes too long.
+    /// Waits until everything has arrived, or it takes too long.
     async fn drain(&mut self) {
         let end = clock::now() + self.board.plan.drain;
         while clock::now() < end {
@@ -250,7 +252,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         }
     }
 
-    /// The consumers stay until the end: what is taken back has no mark, and they pass it over.
+    /// The consumers stay until the end: clearing messages have no mark, so they ignore them.
     async fn clear(&mut self) {
         self.enter(Phase::Clearing);
         let end = clock::now() + CLEARING_MAX;
@@ -268,7 +270,8 @@ impl<W: FnMut(&Progress)> Simulation<W> {
     }
 
     fn outcome(&self, (span, is_cut): (Duration, bool), at_last: Balance, costs: Vec<(Cost, f64)>) -> Outcome {
-        let (board, shape) = (&self.board, &self.board.plan.shape);
+        let board = &self.board;
+        let shape = &self.board.plan.shape;
         let share = span.as_secs_f64() / shape.lasts().as_secs_f64().max(f64::EPSILON);
         let shares = |delays: &crate::books::Delays| [delays.within(500), delays.within(990), delays.longest()];
         Outcome {
@@ -296,7 +299,7 @@ impl<W: FnMut(&Progress)> Simulation<W> {
     }
 }
 
-/// Has the broker forget the sessions that it keeps for the consumers.
+/// Makes the broker forget the sessions that it keeps for the consumers.
 async fn forget_sessions(board: &Board) {
     for settings in board.plan.consumers.iter().filter(|settings| settings.keeps == Keeps::Session) {
         player::forget(settings.clone()).await;

@@ -33,7 +33,8 @@ pub fn run(bytes: &[u8]) {
 }
 
 fn expected(framing: Framing, feed: &mut Feed<'_>) -> Expected {
-    let (station, function) = (feed.byte(), feed.byte() & !function::EXCEPTION_BIT);
+    let station = feed.byte();
+    let function = feed.byte() & !function::EXCEPTION_BIT;
     Expected { station, function, adu_bytes: framing::adu_bytes(framing, 2 + usize::from(feed.byte()) % 252) }
 }
 
@@ -44,7 +45,9 @@ fn hear<'a>(
     chunks: impl IntoIterator<Item = &'a [u8]>,
 ) -> (Vec<Found>, Vec<u8>) {
     let mut assembler = Assembler::new(framing);
-    let (mut found, mut put_in, mut given_out) = (Vec::new(), Vec::new(), Vec::new());
+    let mut found = Vec::new();
+    let mut put_in = Vec::new();
+    let mut given_out = Vec::new();
     for chunk in chunks {
         put_in.extend_from_slice(chunk);
         given_out.extend(assembler.push(chunk));

@@ -43,7 +43,9 @@ pub fn run(bytes: &[u8]) {
 
 fn faults(feed: &mut Feed<'_>) -> FaultPlan {
     let mut chance = || u16::from(feed.byte()) * 4 % 1001;
-    let (noise, lost, late) = (chance(), chance(), chance());
+    let noise = chance();
+    let lost = chance();
+    let late = chance();
     FaultPlan { noise, lost, late, cut: chance(), flip: chance(), foreign: chance(), ..FaultPlan::NONE }
 }
 
@@ -64,7 +66,8 @@ impl Master {
             3 => self.pass(feed.millis()),
             4 => self.pass(Duration::from_micros(feed.word().into())),
             _ => {
-                let (at, station) = (self.now, Station(feed.one_of(&STATIONS)));
+                let at = self.now;
+                let station = Station(feed.one_of(&STATIONS));
                 match (feed.flag(), self.bus.drive_mut(station)) {
                     (true, Some(drive)) => drive.trip(at, feed.word()),
                     _ => self.bus.set_powered(at, station, feed.flag()),
@@ -74,7 +77,8 @@ impl Master {
     }
 
     fn request(&mut self, feed: &mut Feed<'_>) {
-        let (station, pdu) = (feed.byte() % 9, feed.piece());
+        let station = feed.byte() % 9;
+        let pdu = feed.piece();
         let mut frame = Vec::new();
         framing::encode(self.framing, &mut frame, station, |out| out.extend_from_slice(&pdu[..pdu.len().min(253)]));
         self.bus.receive(self.now, &frame);
@@ -93,7 +97,9 @@ impl Master {
     }
 
     fn hear(&mut self) {
-        let (now, last, heard) = (self.now, &mut self.last, &mut self.heard);
+        let now = self.now;
+        let last = &mut self.last;
+        let heard = &mut self.heard;
         self.bus.take_due(now, |at, bytes| {
             assert!(at <= now && at >= *last, "heard at {at:?}, after {last:?}, now {now:?}");
             *last = at;

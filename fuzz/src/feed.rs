@@ -65,7 +65,8 @@ impl<'a> Feed<'a> {
 
 /// `stream` in chunks whose lengths follow from `seed`: 0 gives single bytes.
 pub fn chunks(stream: &[u8], seed: u8) -> impl Iterator<Item = &[u8]> {
-    let (mut rest, mut state) = (stream, u32::from(seed));
+    let mut rest = stream;
+    let mut state = u32::from(seed);
     std::iter::from_fn(move || {
         let length = 1 + (state >> 3) as usize % 40;
         state = if seed == 0 { 0 } else { state.wrapping_mul(1_103_515_245).wrapping_add(12_345) >> 1 };

@@ -163,7 +163,8 @@ impl Watch {
     /// The right reply to the frame that was sent last, an exception, or either damaged.
     fn reply(&mut self, feed: &mut Feed<'_>) {
         let Some((station, pdu)) = framing::decode(self.framing, &self.last_frame) else { return };
-        let (how, word) = (feed.byte(), feed.word());
+        let how = feed.byte();
+        let word = feed.word();
         let mut reply = Vec::new();
         framing::encode(self.framing, &mut reply, station, |out| match Request::decode(&pdu) {
             _ if how & 3 == 3 => out.extend([pdu[0] | function::EXCEPTION_BIT, how >> 4]),
@@ -180,7 +181,9 @@ impl Watch {
     }
 
     fn native(&mut self, feed: &mut Feed<'_>) {
-        let (kind, asker, drive) = (feed.byte(), AskerId(u64::from(feed.byte() % 4)), feed.byte() % (DRIVES + 1));
+        let kind = feed.byte();
+        let asker = AskerId(u64::from(feed.byte() % 4));
+        let drive = feed.byte() % (DRIVES + 1);
         let address = if kind & 8 == 0 { feed.word() } else { self.role(feed.byte()) };
         let room = usize::from(u16::MAX - address) + 1;
         let ask = match kind % 4 {
@@ -192,7 +195,9 @@ impl Watch {
             }
             _ => NativeAsk::Loop { data: address },
         };
-        let (ticket, drive, origin) = (self.ticket(), DriveIndex(drive.into()), origin(feed.byte()));
+        let ticket = self.ticket();
+        let drive = DriveIndex(drive.into());
+        let origin = origin(feed.byte());
         if let NativeAsk::Write { values, .. } = &ask {
             // Each word may be one RUN.
             self.runs_ordered += values.len();
@@ -211,7 +216,8 @@ impl Watch {
     }
 
     fn command(&mut self, feed: &mut Feed<'_>) {
-        let (drive, who) = (feed.byte() % DRIVES, feed.byte());
+        let drive = feed.byte() % DRIVES;
+        let who = feed.byte();
         let Some(order) = self.order(feed) else { return };
         self.runs_ordered += usize::from(matches!(&order, Order::Go(go) if go.run().is_some()));
         let ticket = self.ticket();
@@ -267,7 +273,8 @@ impl Watch {
 
     fn decide(&mut self) {
         self.input(Input::Time);
-        let (mut effects, mut frames) = (0, 0);
+        let mut effects = 0;
+        let mut frames = 0;
         while let Some(effect) = self.core.next_effect() {
             effects += 1;
             assert!(effects < EFFECTS_MAX, "no end of effects");

@@ -184,7 +184,9 @@ impl Client {
 
     /// A whole message, in chunks.
     fn request(&mut self, feed: &mut Feed<'_>) {
-        let (unit, seed, pdu) = (feed.one_of(&UNITS), feed.byte(), feed.piece());
+        let unit = feed.one_of(&UNITS);
+        let seed = feed.byte();
+        let pdu = feed.piece();
         let mut message = Vec::new();
         self.transaction = self.transaction.wrapping_add(1);
         mbap::encode(&mut message, self.transaction, unit, |out| {
@@ -223,7 +225,8 @@ impl Client {
             own::UNIT | own::BROADCAST => own::take(call.unit, &call.ask, &self.units, &present, &mut words),
             _ => Taken::Exception(exception::GATEWAY_PATH_UNAVAILABLE),
         };
-        let (now, connection) = (self.now, &mut self.connection);
+        let now = self.now;
+        let connection = &mut self.connection;
         let ordered = taken.at_once(&words, |answer| connection.answer(now, call.ticket, answer));
         assert!(call.ask.writes() || ordered.is_ok(), "a read orders: {:?}", call.ask);
         let stops = matches!(&ordered, Err(Ordered::StopAll | Ordered::One(Order::Stop { .. } | Order::Coast)));
@@ -237,7 +240,8 @@ impl Client {
 
     /// Answers with or without sense.
     fn drive_answers(&mut self, feed: &mut Feed<'_>) {
-        let (kind, place) = (feed.byte(), usize::from(feed.byte()));
+        let kind = feed.byte();
+        let place = usize::from(feed.byte());
         if self.native.is_empty() {
             return;
         }
@@ -260,7 +264,9 @@ impl Client {
 
     fn order_ends(&mut self, feed: &mut Feed<'_>) {
         const OUTCOMES: [Outcome; 4] = [Outcome::Acknowledged, Outcome::Confirmed, Outcome::Failed, Outcome::Refused];
-        let (outcome, place, is_final) = (feed.one_of(&OUTCOMES), usize::from(feed.byte()), feed.flag());
+        let outcome = feed.one_of(&OUTCOMES);
+        let place = usize::from(feed.byte());
+        let is_final = feed.flag();
         if self.orders.is_empty() {
             return;
         }
@@ -271,9 +277,11 @@ impl Client {
         let Some(read) = read else {
             return self.connection.answer(self.now, call, exception.map_or(Answer::Written, Answer::Exception));
         };
-        let (mut words, present) = (Words::default(), Present { now: self.now, uptime_s: 7, owner: Owner::Mqtt });
+        let mut words = Words::default();
+        let present = Present { now: self.now, uptime_s: 7, owner: Owner::Mqtt };
         let taken = self.units.uniform.read(read.address, read.count, &self.units.view, &present, &mut words);
-        let (now, connection) = (self.now, &mut self.connection);
+        let now = self.now;
+        let connection = &mut self.connection;
         taken.at_once(&words, |answer| connection.answer(now, call, answer)).expect("a read orders nothing");
     }
 

@@ -63,7 +63,8 @@ fn a_drive_answers(model: &Arc<Model>) {
             Request::WriteMultiple { address, values: vec![1, 0] },
         ];
         for request in requests {
-            let (mut pdu, mut reply) = (Vec::new(), Vec::new());
+            let mut pdu = Vec::new();
+            let mut reply = Vec::new();
             request.encode(&mut pdu);
             now = now + Duration::from_millis(100);
             let is_answered = drive.answer(now, &pdu, 1, &mut reply);

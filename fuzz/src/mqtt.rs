@@ -141,7 +141,8 @@ impl Rig {
     }
 
     fn message(&mut self, feed: &mut Feed<'_>) {
-        let (topic, flags) = (feed.one_of(&TOPICS), feed.byte());
+        let topic = feed.one_of(&TOPICS);
+        let flags = feed.byte();
         let own = if topic.is_empty() { String::from_utf8_lossy(feed.piece()).into_owned() } else { String::new() };
         let response = (flags & 8 != 0).then(|| String::from_utf8_lossy(feed.piece()).into_owned());
         let message = Message {
@@ -196,7 +197,9 @@ impl Rig {
     fn line_answers(&mut self, feed: &mut Feed<'_>) {
         const OUTCOMES: [Outcome; 5] =
             [Outcome::Confirmed, Outcome::Acknowledged, Outcome::Unknown, Outcome::Refused, Outcome::Superseded];
-        let (outcome, is_final, place) = (feed.one_of(&OUTCOMES), feed.flag(), usize::from(feed.byte()));
+        let outcome = feed.one_of(&OUTCOMES);
+        let is_final = feed.flag();
+        let place = usize::from(feed.byte());
         let asker = AskerId::MQTT;
         let ticket =
             if self.commands.is_empty() { None } else { self.commands.keys().nth(place % self.commands.len()) };
@@ -235,7 +238,8 @@ impl Rig {
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
             match &act {
                 Act::Publish(it) if it.topic == "vfd/plant/probe" => {
-                    let (topic, payload) = (it.topic.as_str(), it.payload.as_slice());
+                    let topic = it.topic.as_str();
+                    let payload = it.payload.as_slice();
                     let back = Message {
                         topic,
                         payload,

@@ -148,7 +148,8 @@ impl Rig {
                 4 => Value::Int(feed.word().into()),
                 _ => Value::Long(u64::from(feed.word()) << (feed.byte() % 49)),
             };
-            let (alias, is_null) = (name.is_none().then(|| feed.word().into()), feed.flag().then_some(true));
+            let alias = name.is_none().then(|| feed.word().into());
+            let is_null = feed.flag().then_some(true);
             Metric { name, alias, is_null, value: Some(value), ..Metric::default() }
         });
         let metrics = metrics.collect();
@@ -158,8 +159,10 @@ impl Rig {
     }
 
     fn message(&mut self, feed: &mut Feed<'_>, payload: &[u8]) {
-        let (topic, flags) = (feed.one_of(&TOPICS), feed.byte());
-        let (retain, duplicate) = (flags & 1 != 0, flags & 2 != 0);
+        let topic = feed.one_of(&TOPICS);
+        let flags = feed.byte();
+        let retain = flags & 1 != 0;
+        let duplicate = flags & 2 != 0;
         let message = message(topic, payload, retain, duplicate);
         self.session.handle(self.at(), Event::Message(message));
         let acts = self.acts();
@@ -190,7 +193,8 @@ impl Rig {
 
     /// A drive answers, or does not any more.
     fn poll(&mut self, feed: &mut Feed<'_>) {
-        let (place, at) = (usize::from(feed.byte()) % self.views.len(), self.at().mono);
+        let place = usize::from(feed.byte()) % self.views.len();
+        let at = self.at().mono;
         let mut view = self.views[place].as_ref().clone();
         view.snapshot.presence = if feed.byte() < 200 { Presence::Online } else { Presence::Offline };
         view.trip.active = Some(feed.flag());
@@ -201,9 +205,11 @@ impl Rig {
 
     fn line_answers(&mut self, feed: &mut Feed<'_>) {
         const OUTCOMES: [Outcome; 3] = [Outcome::Confirmed, Outcome::Acknowledged, Outcome::Refused];
-        let (outcome, is_final) = (feed.one_of(&OUTCOMES), feed.flag());
+        let outcome = feed.one_of(&OUTCOMES);
+        let is_final = feed.flag();
         let Some(ticket) = self.tickets.last().copied() else { return };
-        let (asker, report) = (AskerId::SPARKPLUG, Report::new(outcome, Reason::NoReply));
+        let asker = AskerId::SPARKPLUG;
+        let report = Report::new(outcome, Reason::NoReply);
         self.session.command_answer(&CommandAnswer { asker, ticket, drive: DriveIndex(0), report, is_final });
         if is_final {
             self.tickets.pop();

@@ -20,7 +20,8 @@ fn line(drives: u8, faults: &str, seed: u64) -> Rig {
 
 /// Clients that never pause read proof words for `time`; returns how many reads ended, and how many with their words.
 fn read_on(rig: &mut Rig, drives: u16, time: Duration) -> (u64, u64) {
-    let (mut ended, mut right) = (0, 0);
+    let mut ended = 0;
+    let mut right = 0;
     rig.keeps_sent = false;
     for asker in 0..4 {
         rig.read(asker, asker as u16 % drives, PROOF, 1 + asker as u16);

@@ -72,7 +72,8 @@ fn walk(rig: &mut Rig, frames: u64) -> u64 {
     for asker in 0..4 {
         rig.read(asker, asker as u16 % 2, PROOF, 1);
     }
-    let (mut right, end) = (0, rig.core.counters().requests + frames);
+    let mut right = 0;
+    let end = rig.core.counters().requests + frames;
     while rig.core.counters().requests < end {
         rig.run_until(rig.now + Duration::from_secs(10), |rig, answer| {
             if let NativeOutcome::Words(words) = &answer.outcome {

@@ -101,7 +101,8 @@ fn without_a_control_section_everything_is_refused() {
 #[test]
 fn a_side_and_a_direction_that_are_not_named_are_refused() {
     let mut settings = control();
-    (settings.from_mqtt, settings.directions) = (false, vec![Forward]);
+    settings.from_mqtt = false;
+    settings.directions = vec![Forward];
     let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
     assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Refused, Reason::NotFromHere));
     rig.commanded(plc(1), STOP);

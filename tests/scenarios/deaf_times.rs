@@ -18,7 +18,8 @@ fn a_drive_that_was_switched_on_again_is_met_soon_after_it_can_hear() {
     let options = RigOptions { link: model.link.default.value, model, poll: SECOND / 10, ..RigOptions::default() };
     for off in [50, 200, 350] {
         let mut rig = Rig::new(&options);
-        let (lost, off) = (rig.now, Duration::from_millis(off));
+        let lost = rig.now;
+        let off = Duration::from_millis(off);
         rig.bus.set_powered(lost, Station(1), false);
         rig.pass(off);
         let now = rig.now;
@@ -72,7 +73,8 @@ fn other_drives_do_not_rest() {
     let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::default() });
     rig.core.rest(DriveIndex(0), rig.now + SECOND);
     let begun = rig.now;
-    let (deaf, other) = (rig.read(1, 0, PROOF, 1), rig.read(1, 1, PROOF, 1));
+    let deaf = rig.read(1, 0, PROOF, 1);
+    let other = rig.read(1, 1, PROOF, 1);
     assert!(matches!(rig.answer_to(other), NativeOutcome::Words(_)));
     assert!(rig.now.since(begun) < SECOND / 10);
     assert!(matches!(rig.answer_to(deaf), NativeOutcome::Words(_)));
@@ -91,6 +93,7 @@ fn only_a_drive_that_may_be_deaf_is_asked_so_often() {
         rig.pass(SECOND * 2);
         rig.sent.len()
     };
-    let (often, seldom) = (frames_in_two_seconds(model("toshiba-vf-as1")), frames_in_two_seconds(Arc::new(without)));
+    let often = frames_in_two_seconds(model("toshiba-vf-as1"));
+    let seldom = frames_in_two_seconds(Arc::new(without));
     assert!(often >= 5 && seldom <= 4, "{often} and {seldom}");
 }

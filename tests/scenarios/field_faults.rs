@@ -326,7 +326,8 @@ fn a_bad_line_takes_no_order_that_makes_a_motor_faster() {
 #[test]
 fn a_drive_that_is_bad_alone_is_suspended_alone() {
     let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::controlled() });
-    let (mut sent, mut polls) = (rig.sent.len(), 0);
+    let mut sent = rig.sent.len();
+    let mut polls = 0;
     while rig.notes.is_empty() {
         // Every third reply of the second drive comes damaged.
         rig.bus.set_faults(if polls % 3 == 2 { faults("flip=1000") } else { FaultPlan::NONE });

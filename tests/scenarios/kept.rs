@@ -174,7 +174,8 @@ fn who_holds_control_is_kept_when_it_changes() {
 fn a_run_that_opens_a_lease_waits_for_its_row() {
     let mut rig = rig();
     rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
-    let (began, wake) = (rig.now, rig.core.next_wake().unwrap().at);
+    let began = rig.now;
+    let wake = rig.core.next_wake().unwrap().at;
     assert!(wake <= began + WAIT, "{wake:?}");
     rig.pass(Duration::from_millis(12));
     assert_eq!(rig.writes().len(), 0);
@@ -227,7 +228,8 @@ fn a_trip_is_shown_as_kept_once_it_is() {
     let [keep] = trips[..] else { panic!("{trips:?}") };
     let Entry::Trip(event, baseline) = &keep.entry else { panic!() };
     assert_eq!((event.count, baseline.count), (Some(1), Some(1)));
-    let (view, row) = (rig.view(0), keep.row);
+    let view = rig.view(0);
+    let row = keep.row;
     assert_eq!((view.trip.seen, view.trip_kept.total, view.trip_kept.count), (1, 0, Some(0)));
     rig.core.handle(rig.now, Input::Kept(row));
     let kept = rig.view(0).trip_kept;

@@ -91,7 +91,8 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
         for asker in 0..4 {
             rig.read(asker, asker as u16 % 3, PROOF, 1 + asker as u16);
         }
-        let (mut right, mut has_faults) = (0, false);
+        let mut right = 0;
+        let mut has_faults = false;
         while rig.bus.report().replies_late < 1_500 {
             let until = rig.now + Duration::from_secs(200);
             rig.run_until(until, |rig, answer| {
@@ -105,7 +106,8 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
             });
             if !has_faults {
                 assert_eq!(reads(&rig, 0).timeout, FLOOR, "it was learned before anything came late");
-                (has_faults, right) = (true, 0);
+                has_faults = true;
+                right = 0;
                 rig.bus.set_faults(faults);
             }
         }
@@ -229,7 +231,8 @@ fn no_stop_waits_longer_than_its_bound() {
             rig.command(MQTT, drive, STOP);
             rig.pass(Duration::from_micros(random.u64(700_000..4_000_000)));
             if random.u8(..10) == 0 {
-                let (now, is_on) = (rig.now, random.bool());
+                let now = rig.now;
+                let is_on = random.bool();
                 rig.bus.set_powered(now, Station(1), is_on);
             }
         }

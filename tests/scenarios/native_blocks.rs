@@ -116,7 +116,8 @@ fn with_many_registers() -> Arc<Model> {
     let mut model = Model::clone(&model("frecon-fr500a"));
     let like = model.registers.iter().find(|register| register.name == "stop_mode").unwrap().clone();
     for address in 0x1FEC..0x2000 {
-        let (name, code) = (format!("more_{address:04x}"), None);
+        let name = format!("more_{address:04x}");
+        let code = None;
         model.registers.push(vfd_gateway::profile::model::Register {
             name,
             code,

@@ -13,7 +13,9 @@ fn every_fault_at_once_mixes_nothing_up() {
         let options = RigOptions { drives: 4, bus, seed, poll: Duration::from_millis(500), ..RigOptions::default() };
         let mut rig = Rig::new(&options);
         rig.keeps_sent = false;
-        let (mut asked, mut ended, mut right) = (0_u64, 0_u64, 0_u64);
+        let mut asked = 0_u64;
+        let mut ended = 0_u64;
+        let mut right = 0_u64;
         for asker in 0..6 {
             rig.read(asker, asker as u16 % 4, PROOF, 1 + asker as u16);
             asked += 1;

@@ -210,7 +210,8 @@ fn a_reading_that_waited_for_a_suspended_process_is_not_fresh() {
     while rig.sent.is_empty() {
         rig.step(rig.now + SECOND);
     }
-    let (asked_at, begins) = (rig.now, u16::from_be_bytes([rig.sent[0].pdu[1], rig.sent[0].pdu[2]]));
+    let asked_at = rig.now;
+    let begins = u16::from_be_bytes([rig.sent[0].pdu[1], rig.sent[0].pdu[2]]);
     rig.now = rig.now + SECOND * 8;
     let mut waited = Vec::new();
     rig.bus.take_due(rig.now, |_, bytes| waited.extend_from_slice(bytes));

@@ -29,7 +29,10 @@ fn ten_thousand_times_out_and_in_leave_no_queue_and_no_miscount() {
     rig.keeps_sent = false;
     let before = *rig.core.counters();
     let mut size_early = 0;
-    let (mut asked, mut lost, mut refused, mut answered) = (0, 0, 0, 0);
+    let mut asked = 0;
+    let mut lost = 0;
+    let mut refused = 0;
+    let mut answered = 0;
     for cycle in 0..CYCLES {
         // Every other time while one request is on the wire and others wait.
         let in_flight = if cycle % 2 == 1 { 1 + cycle % 7 } else { 0 };

@@ -23,7 +23,8 @@ const UNSURE: &str = "teco-e510s";
 
 /// Somebody else gives the drive a setpoint in hundredths of a hertz.
 fn set_elsewhere(rig: &mut Rig, frequency_command: u16, centihertz: u16) {
-    let (now, pdu) = (rig.now, single(frequency_command, centihertz));
+    let now = rig.now;
+    let pdu = single(frequency_command, centihertz);
     assert!(rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut Vec::new()));
 }
 

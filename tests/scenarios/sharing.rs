@@ -106,7 +106,8 @@ fn setpoints_without_end_leave_others_a_turn_between_any_two() {
     rig.pass(Duration::from_secs(1));
     rig.sent.clear();
     let until = rig.now + Duration::from_secs(10);
-    let (mut reads, mut newest) = (0, 1000);
+    let mut reads = 0;
+    let mut newest = 1000;
     rig.read(7, 1, PROOF, 4);
     while rig.now < until {
         newest = 1000 + (newest + 7) % 3000;
@@ -116,7 +117,8 @@ fn setpoints_without_end_leave_others_a_turn_between_any_two() {
             rig.read(7, 1, PROOF, 4);
         });
     }
-    let (all, written) = (rig.sent.len(), rig.written(FREQUENCY).len());
+    let all = rig.sent.len();
+    let written = rig.written(FREQUENCY).len();
     // Each is written and looked at, and then others have a turn: polls that have grown too old, at most three in a row.
     assert!((all / 4..=all / 3 + 1).contains(&written), "{written} setpoints in {all} exchanges");
     assert!(reads >= all / 13, "{reads} reads in {all} exchanges");

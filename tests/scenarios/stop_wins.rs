@@ -307,7 +307,8 @@ fn serving(id: &str, functions: &[u8]) -> Rig {
     let mut really = Model::clone(&model);
     really.functions.value = functions.to_vec();
     let control = Some(accepting());
-    let (really, proof_words) = (Some(Arc::new(really)), None);
+    let really = Some(Arc::new(really));
+    let proof_words = None;
     Rig::new(&RigOptions { model, really, proof_words, control, ..RigOptions::controlled() })
 }
 
@@ -426,7 +427,8 @@ fn a_stop_on_an_unplugged_line_is_told_at_once_and_goes_out_when_it_is_back() {
         rig.live(Duration::from_secs(3));
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.settle();
-        let (from, first) = (rig.now, rig.command(MQTT, 0, STOP));
+        let from = rig.now;
+        let first = rig.command(MQTT, 0, STOP);
         assert_eq!(rig.told(first), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
         let (_, answer) = rig.reports.last().unwrap();
         assert!(answer.report.message().contains("pending"), "{}", answer.report.message());

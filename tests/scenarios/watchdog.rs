@@ -196,7 +196,8 @@ fn a_stop_by_a_person_goes_out_at_once_into_that_silence() {
     rig.pass(SECOND * 7);
     assert!(rig.now.since(rig.sent.last().unwrap().at) > SECOND, "nothing is sent");
     rig.swallows = None;
-    let (at, ticket) = (rig.now, rig.command(MQTT, 0, STOP));
+    let at = rig.now;
+    let ticket = rig.command(MQTT, 0, STOP);
     rig.pass(SECOND / 2);
     let sent = rig.sent.last().unwrap();
     assert!(sent.at >= at && sent.pdu == single(RUN, 0), "{:02X?}", sent.pdu);

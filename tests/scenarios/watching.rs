@@ -26,7 +26,8 @@ fn a_busy_minute(seed: u64, tells_traffic: bool) -> Rig {
 #[test]
 fn a_line_that_is_watched_does_the_same_at_the_same_moments() {
     for seed in 0..4 {
-        let (watched, alone) = (a_busy_minute(seed, true), a_busy_minute(seed, false));
+        let watched = a_busy_minute(seed, true);
+        let alone = a_busy_minute(seed, false);
         let sent = |rig: &Rig| rig.sent.iter().map(|sent| (sent.at, sent.frame.clone())).collect::<Vec<_>>();
         assert!(sent(&watched).len() > 500);
         assert_eq!(sent(&watched), sent(&alone), "{seed}");

@@ -76,7 +76,8 @@ fn other_master_runs(rig: &mut Rig, model: &Model, direction: Direction) {
 }
 
 fn other_master_orders(rig: &mut Rig, model: &Model, direction: Direction, setpoint: u16) {
-    let (at, run) = (address_of(model, Role::RunCommand), model.run.as_ref().unwrap());
+    let at = address_of(model, Role::RunCommand);
+    let run = model.run.as_ref().unwrap();
     let word = match direction {
         Direction::Forward => run.forward.value,
         Direction::Reverse => run.reverse.as_ref().unwrap().value,

@@ -53,7 +53,8 @@ impl Place {
         let sql = "SELECT body FROM audit WHERE kind = 'attempt'";
         let mut select = connection.prepare(sql).expect("its table");
         let bodies = select.query_map([], |row| row.get::<_, String>(0)).expect("its rows");
-        let (mut all, mut texts) = (0, BTreeMap::new());
+        let mut all = 0;
+        let mut texts = BTreeMap::new();
         for body in bodies {
             let body: Value = serde_json::from_str(&body.expect("a row")).expect("an object");
             let count = body["count"].as_u64().expect("a count");
@@ -174,7 +175,8 @@ fn every_attempt_is_counted_once_in_the_file() {
     let place = Place::new("calm");
     let mut desk = Desk::open(&place.0);
     desk.play(1, attempts());
-    let (said, of_north) = (desk.said, desk.of_north);
+    let said = desk.said;
+    let of_north = desk.of_north;
     let report = desk.close();
     let (counted, texts) = place.counted();
     println!("{said} attempts were said, {counted} stand in the file, {} are lost", report.attempts_lost);
@@ -216,7 +218,8 @@ fn what_is_lost_while_the_file_is_locked_is_counted_and_nothing_else_is() {
 fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
     let place = Place::new("killed");
     let mut rng = fastrand::Rng::with_seed(7);
-    let (mut least, mut most) = (0, 0);
+    let mut least = 0;
+    let mut most = 0;
     for life in 0..4_u64 {
         let mut command = Command::new(std::env::current_exe().expect("this program"));
         command.args(["accounting::plays_until_it_is_killed", "--exact", "--nocapture", "--ignored"]);
@@ -240,7 +243,8 @@ fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
         }
         child.wait().expect("it has ended");
         assert!(last.0 > 0, "it was not killed at work");
-        (least, most) = (least + last.1, most + last.0);
+        least = least + last.1;
+        most = most + last.0;
     }
     let (counted, texts) = place.counted();
     println!("{least} attempts were kept for sure, {counted} stand in the file, {most} were said at most");

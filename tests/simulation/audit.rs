@@ -52,7 +52,9 @@ pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), S
     plan.keeps = true;
     let mut world = World::with(plan, Rng::with_seed(rng.u64(..)));
     world.bus.set_faults(faults);
-    let (attempts, told, of_attempt) = (HashMap::new(), HashMap::new(), HashMap::new());
+    let attempts = HashMap::new();
+    let told = HashMap::new();
+    let of_attempt = HashMap::new();
     let mut books = Books { sink, attempts, told, said: Vec::new(), of_attempt, rows: 0 };
     let wrong = |text: String| format!("O14, seed {seed}: {text}");
     for ticket in 1..=count {

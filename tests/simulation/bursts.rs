@@ -224,7 +224,8 @@ impl Walk {
         self.tally.reads += 1;
         let NativeOutcome::Words(words) = outcome else { return self.next.push((self.now + PAUSE, client)) };
         if words.iter().any(|word| *word != self.proof) {
-            let (proof, reads) = (self.proof, self.tally.reads);
+            let proof = self.proof;
+            let reads = self.tally.reads;
             self.wrong.get_or_insert_with(|| format!("read {reads}: {words:04X?} in exchange {proof:04X}"));
         }
         self.tally.right += 1;
@@ -248,7 +249,8 @@ pub fn walk(seed: u64, plan: &BurstPlan, reads: u64) -> Result<BurstTally, Strin
     while walk.tally.reads < reads && walk.wrong.is_none() {
         walk.step();
     }
-    let (report, counters) = (walk.bus.report(), walk.core.counters());
+    let report = walk.bus.report();
+    let counters = walk.core.counters();
     let virtual_ns = walk.now.since(calm_until).as_nanos() as u64;
     let tally = BurstTally {
         bursts: report.bursts,

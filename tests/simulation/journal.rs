@@ -93,7 +93,8 @@ impl Journal {
     /// had their time after that.
     pub fn kill(&mut self) -> Vec<Remembered> {
         self.on_the_way.clear();
-        (self.stuck_from, self.last_row) = (MonoTime::NEVER, 0);
+        self.stuck_from = MonoTime::NEVER;
+        self.last_row = 0;
         let told = self.memory.clone();
         for memory in &mut self.memory {
             memory.lease = memory.lease.map(|lease| RememberedLease { was_orphaned: true, ..lease });

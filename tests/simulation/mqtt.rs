@@ -103,7 +103,8 @@ impl MqttSide {
 
     fn lose(&mut self, now: MonoTime, back_in: Duration) {
         self.session.handle(moment(now, self.ahead), Event::Lost);
-        (self.is_connected, self.is_subscribed) = (false, false);
+        self.is_connected = false;
+        self.is_subscribed = false;
         self.coming.clear();
         self.put(now + back_in, Coming::Connected);
     }
@@ -204,7 +205,8 @@ impl World {
             Coming::Acknowledged(token) => side.session.handle(at, Event::Acknowledged(token)),
             Coming::Message { topic, payload, retain, duplicate, issued } => {
                 self.tally.messages += 1;
-                let (wall_ms, issued) = ((wall_ms(self.now) + side.ahead).unsigned_abs(), issued.as_nanos());
+                let wall_ms = (wall_ms(self.now) + side.ahead).unsigned_abs();
+                let issued = issued.as_nanos();
                 let inbound = Inbound { topic: &topic, payload: &payload, retain, duplicate, wall_ms, issued };
                 self.checker.message(self.now.as_nanos(), inbound);
                 let payload = payload.as_bytes();
@@ -229,7 +231,8 @@ impl World {
         let word = ["forward", "reverse", "stop", "Stop ", "coast", "start", ""][rng.usize(0..7)];
         let hertz = rng.u16(300..6_000) / 10;
         let frequency = format!("{}.{}", hertz / 10, hertz % 10);
-        let (retain, duplicate) = (rng.u8(0..12) == 0, rng.u8(0..12) == 0);
+        let retain = rng.u8(0..12) == 0;
+        let duplicate = rng.u8(0..12) == 0;
         let to = |input: &str| format!("vfd/plant/drive/d{drive}/{input}");
         let (topic, payload) = match rng.u8(0..20) {
             0..3 => (to("run/set"), word.to_owned()),

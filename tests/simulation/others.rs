@@ -79,7 +79,8 @@ impl World {
     }
 
     fn one_acts(&mut self, rng: &mut Rng, place: usize) {
-        let (now, station) = (self.now, self.station(place));
+        let now = self.now;
+        let station = self.station(place);
         let facts = self.plan.line.drives[place].kind.facts();
         let runs = if rng.u8(0..3) == 0 { Direction::Reverse } else { Direction::Forward };
         let dice = rng.u8(0..20);

@@ -144,7 +144,8 @@ fn draw_drive(rng: &mut Rng, place: usize, same: Option<Kind>) -> Drive {
         1 if has_coast => Action::Coast,
         _ => Action::Stop,
     };
-    let (on_lost, on_shutdown) = (action(), action());
+    let on_lost = action();
+    let on_shutdown = action();
     Drive {
         kind,
         station: number + 1,

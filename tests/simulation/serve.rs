@@ -62,7 +62,9 @@ impl World {
         self.tally.client_events += 1;
         self.checker.client_sent(self.now.as_nanos(), who, bytes);
         self.look_at_views();
-        let (drives, uniform, views) = (&self.descriptions, &self.uniform, &self.views);
+        let drives = &self.descriptions;
+        let uniform = &self.uniform;
+        let views = &self.views;
         let is_stop = |unit: u8, ask: &Ask| is_stop(drives, uniform, views, unit, ask);
         self.clients[who].machine.receive(self.now, bytes, &is_stop);
         while let Some(call) = self.clients[who].machine.next_call() {

@@ -26,7 +26,9 @@ pub fn stale(seed: u64, count: u64) -> Result<(u64, u64), String> {
     plan.has_mqtt = true;
     let mut world = World::with(plan, Rng::with_seed(rng.u64(..)));
     pass(&mut world, Duration::from_secs(7));
-    let (mut bad, mut valid, mut old) = (0, 0, Vec::new());
+    let mut bad = 0;
+    let mut valid = 0;
+    let mut old = Vec::new();
     while bad < count {
         world.may_write = false;
         if !world.is_subscribed() {

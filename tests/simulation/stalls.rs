@@ -57,7 +57,8 @@ impl MqttSide {
 
     /// No further stall begins.
     pub fn stall_ends(&mut self) {
-        (self.stall_at, self.clock_at) = (MonoTime::NEVER, MonoTime::NEVER);
+        self.stall_at = MonoTime::NEVER;
+        self.clock_at = MonoTime::NEVER;
     }
 }
 
@@ -75,7 +76,8 @@ impl World {
         let Some(stalls) = &mut self.stalls else { return };
         if stalls.client_at <= now {
             stalls.client_at = now + stalls.about(CLIENT_EVERY);
-            let (who, lasts) = (stalls.rng.usize(0..self.plan.clients), stalls.stall());
+            let who = stalls.rng.usize(0..self.plan.clients);
+            let lasts = stalls.stall();
             self.tally.client_stalls += 1;
             self.checker.note(now.as_nanos(), who, "the client's connection stalls");
             self.client_stalls(who, now + lasts);
@@ -125,7 +127,8 @@ impl World {
 
     /// The process stands still for `time`: clients, commanders, drives and others go on.
     fn stand_still(&mut self, time: Duration) {
-        let (from, until) = (self.now, self.now + time);
+        let from = self.now;
+        let until = self.now + time;
         self.checker.stands_still(from.as_nanos(), until.as_nanos());
         (0..self.clients.len()).for_each(|who| self.client_stalls(who, until));
         let mut heard = Vec::new();
@@ -196,7 +199,8 @@ impl World {
                 3 => self.rng.i64(-60_000..60_000),
                 _ => self.rng.i64(-300_000..300_000),
             };
-            (side.ahead, side.commanders_ahead) = (jump(), jump());
+            side.ahead = jump();
+            side.commanders_ahead = jump();
             self.tally.clock_steps += 1;
             let text = format!("clocks: the gateway's {} ms, commanders' {} ms", side.ahead, side.commanders_ahead);
             self.checker.note(self.now.as_nanos(), 0, &text);

@@ -31,7 +31,8 @@ pub struct Tally {
 impl Tally {
     /// Adds what happened in another world.
     pub fn add(&mut self, other: &Self) {
-        let (mine, its) = (&mut self.checked, &other.checked);
+        let mine = &mut self.checked;
+        let its = &other.checked;
         for (to, from) in [
             (&mut self.worlds, other.worlds),
             (&mut self.exchanges, other.exchanges),

@@ -135,7 +135,8 @@ impl Trace {
 
     /// RUN at 30 Hz is ordered, written and answered.
     fn runs(self) -> Self {
-        let (setpoint, run) = ([2, 6, 0, 4, 0x0B, 0xB8], [2, 6, 0, 2, 0, 1]);
+        let setpoint = [2, 6, 0, 4, 0x0B, 0xB8];
+        let run = [2, 6, 0, 2, 0, 1];
         let trace = self.asks(1, 101, &RUN).exchange(&setpoint, &setpoint).exchange(&run, &run);
         trace.told(1, 101, &[16, 1, 0, 0, 2])
     }
@@ -533,7 +534,8 @@ fn o14_an_attempt_has_one_row_and_one_end() {
 
 #[test]
 fn a_restart_starts_nothing_and_ends_what_it_must() {
-    let (nothing, leased) = (Known::default(), Known { is_leased: true, stop: None });
+    let nothing = Known::default();
+    let leased = Known { is_leased: true, stop: None };
     let stopped = Known { is_leased: false, stop: Some(false) };
     Trace::new().asks(1, 101, &RUN).restarts(nothing).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
     Trace::new().runs().restarts(leased).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
@@ -559,7 +561,8 @@ fn l1_a_stop_leaves() {
 #[test]
 fn one_seed_is_one_world() {
     let hashes = |seed| (0..2).map(|_| run(seed, 3_000, Extras::on()).expect("no violation").1).collect::<Vec<_>>();
-    let (one, other) = (hashes(11), hashes(12));
+    let one = hashes(11);
+    let other = hashes(12);
     assert_eq!((one[0], other[0]), (one[1], other[1]));
     assert_ne!(one[0], other[0]);
 }

@@ -74,7 +74,9 @@ pub fn late(seed: u64, count: u64) -> Result<Tally, String> {
 pub fn gaps(seed: u64, count: u64) -> Result<Tally, String> {
     let mut rng = Rng::with_seed(seed);
     let mut plan = Plan::draw(&mut rng);
-    (plan.only_reads, plan.faults, plan.has_mqtt) = (true, FaultPlan::NONE, false);
+    plan.only_reads = true;
+    plan.faults = FaultPlan::NONE;
+    plan.has_mqtt = false;
     let mut world = World::with(plan, rng);
     while world.checker.wire.count() < count && world.checker.violation().is_none() {
         world.step(MonoTime::NEVER);
@@ -102,7 +104,9 @@ pub fn stops(seed: u64, count: u64) -> Result<(Duration, u64), String> {
     let silence = plan.line.silence();
     let draws = Rng::with_seed(rng.u64(..));
     let mut world = World::with(plan, rng);
-    let (mut draws, mut worst, mut pool) = (draws, Duration::ZERO, 0);
+    let mut draws = draws;
+    let mut worst = Duration::ZERO;
+    let mut pool = 0;
     for trial in 0..count {
         let until = world.now + Duration::from_micros(draws.u64(800_000..1_200_000));
         while world.now < until {
@@ -112,7 +116,8 @@ pub fn stops(seed: u64, count: u64) -> Result<(Duration, u64), String> {
         (0..world.clients.len()).for_each(|who| (0..16).for_each(|_| world.client_reads(who)));
         world.decide();
         pool = world.checker.counts.requests;
-        let (accepted, frames) = (world.now, world.checker.wire.count());
+        let accepted = world.now;
+        let frames = world.checker.wire.count();
         stop_one(&mut world, trial, draws.u16(0..4));
         while world.checker.wire.count() == frames {
             world.step(MonoTime::NEVER);

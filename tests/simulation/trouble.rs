@@ -50,7 +50,8 @@ impl World {
         let which = self.rng.u8(0..self.plan.line.drives.len() as u8);
         self.checker.note(self.now.as_nanos(), which.into(), Trouble::NAMES[trouble as usize]);
         let station = self.station(which.into());
-        let (now, lasts) = (self.now, Duration::from_millis(self.rng.u64(50..15_000)));
+        let now = self.now;
+        let lasts = Duration::from_millis(self.rng.u64(50..15_000));
         match trouble {
             Trouble::PowerOff => {
                 self.bus.set_powered(now, station, false);
@@ -89,7 +90,10 @@ impl World {
             }
             Trouble::Rough => {
                 let mut chance = || self.rng.u16(0..300);
-                let (lost, late, cut, flip) = (chance(), chance(), chance(), chance());
+                let lost = chance();
+                let late = chance();
+                let cut = chance();
+                let flip = chance();
                 self.bus.set_faults(FaultPlan { lost, late, cut, flip, ..self.plan.faults });
                 self.repair_in(lasts, trouble, which);
             }
@@ -103,7 +107,8 @@ impl World {
     /// The reply of a station that is not ours to a read.
     fn foreign_frame(&mut self) -> Vec<u8> {
         let mut frame = Vec::new();
-        let (station, word) = (self.rng.u8(100..200), self.rng.u16(..));
+        let station = self.rng.u8(100..200);
+        let word = self.rng.u16(..);
         vfd_gateway::wire::rtu::encode(&mut frame, station, |pdu| {
             pdu.extend([3, 2]);
             pdu.extend(word.to_be_bytes());

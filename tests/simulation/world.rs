@@ -197,7 +197,9 @@ impl World {
         }
         self.now = self.now.max(next);
         if due <= self.now {
-            let (core, checker, is_up) = (&mut self.core, &mut self.checker, self.is_port_up);
+            let core = &mut self.core;
+            let checker = &mut self.checker;
+            let is_up = self.is_port_up;
             self.bus.take_due(self.now, |at, bytes| {
                 if is_up {
                     checker.heard(at.as_nanos(), bytes);

@@ -138,7 +138,8 @@ impl Book {
         self.newest_stop = number;
         let by = by.map(|by| (by, is_coast));
         let has_moved = self.moved_at > Some(self.last_stop_at);
-        (self.last_stop_at, self.echoes) = (at, 0);
+        self.last_stop_at = at;
+        self.echoes = 0;
         if by.is_some() && by == self.stopped_by && !has_moved {
             self.repeat = Some(number);
         }

@@ -90,7 +90,9 @@ impl Checker {
     }
 
     fn asked(&mut self, at: u64, who: usize, message: &[u8]) {
-        let (transaction, unit, pdu) = (u16::from_be_bytes([message[0], message[1]]), message[6], &message[7..]);
+        let transaction = u16::from_be_bytes([message[0], message[1]]);
+        let unit = message[6];
+        let pdu = &message[7..];
         let ask = self.ask_of(at, who, unit, pdu);
         let mut head = [0; 4];
         head.iter_mut().zip(&pdu[1..]).for_each(|(to, from)| *to = *from);
@@ -149,7 +151,9 @@ impl Checker {
     }
 
     fn got_answer(&mut self, at: u64, who: usize, message: &[u8]) {
-        let (transaction, unit, pdu) = (u16::from_be_bytes([message[0], message[1]]), message[6], &message[7..]);
+        let transaction = u16::from_be_bytes([message[0], message[1]]);
+        let unit = message[6];
+        let pdu = &message[7..];
         let pending = &mut self.clients[who].pending;
         let Some(place) = pending.iter().position(|it| it.transaction == transaction && it.unit == unit) else {
             return self.object("O3", || format!("an answer that nobody waits for: {message:02X?}"));

@@ -113,7 +113,8 @@ impl Checker {
                 let since = *book.held_since.get_or_insert(at);
                 book.held_replies += 1;
                 if at > since + SHOWN && book.held_replies >= REPLIES && !book.is_sure {
-                    (book.is_sure, book.owed) = (true, book.owed + 1);
+                    book.is_sure = true;
+                    book.owed = book.owed + 1;
                 }
             }
             Some(false) => (book.held_since, book.held_replies, book.is_sure) = (None, 0, false),
@@ -153,7 +154,9 @@ impl Checker {
         for book in &mut self.books {
             book.orders.iter_mut().for_each(|it| (it.is_void, it.is_over) = (true, true));
             book.fresh.clear();
-            (book.may_stop, book.stop_due, book.stopped_at) = (None, None, None);
+            book.may_stop = None;
+            book.stop_due = None;
+            book.stopped_at = None;
         }
     }
 
@@ -203,7 +206,8 @@ impl Book {
     pub(super) fn is_seen(&mut self, at: u64, runs: bool, bound: u64) {
         if !runs && self.zeros > 0 {
             // Found at standstill: nothing is left to do.
-            (self.awaits_sight, self.remembered_stop) = (false, false);
+            self.awaits_sight = false;
+            self.remembered_stop = false;
         }
         if !self.awaits_sight || !runs {
             return;

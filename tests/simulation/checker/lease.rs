@@ -45,7 +45,8 @@ impl Checker {
             return;
         }
         for drive in 0..self.books.len() {
-            let (book, it) = (&self.books[drive], &self.line.drives[drive]);
+            let book = &self.books[drive];
+            let it = &self.line.drives[drive];
             if let Some(due) = book.stop_due.map(|due| due.max(self.wire.noise_at + self.bound)).filter(|due| at > *due)
             {
                 let text = format!("a stop of drive {drive} should have left {} ms ago", (at - due) / 1_000_000);
@@ -73,7 +74,8 @@ impl Checker {
     /// The gateway has ended.
     pub fn ended(&mut self, at: u64) {
         for drive in 0..self.books.len() {
-            let (book, it) = (&self.books[drive], &self.line.drives[drive]);
+            let book = &self.books[drive];
+            let it = &self.line.drives[drive];
             // One whose commander was lost is left as it is, if that is declared: nobody holds it at the end.
             let is_held = it.on_lost == Action::Hold && at > book.moved_at.unwrap_or(0) + it.lost_after;
             let is_left = book.is_running && it.on_shutdown != Action::Hold && !is_held;

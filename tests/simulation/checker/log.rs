@@ -61,7 +61,10 @@ impl Log {
     pub fn add(&mut self, at: u64, what: What, who: u16, bytes: &[u8]) {
         let entry = &mut self.entries[self.next % KEPT];
         let kept = bytes.len().min(BYTES);
-        (entry.at, entry.what, entry.who, entry.length) = (at, what, who, bytes.len() as u16);
+        entry.at = at;
+        entry.what = what;
+        entry.who = who;
+        entry.length = bytes.len() as u16;
         entry.bytes[..kept].copy_from_slice(&bytes[..kept]);
         self.next += 1;
         self.mix(at ^ (what as u64) << 56 ^ u64::from(who) << 40);

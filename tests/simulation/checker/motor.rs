@@ -161,8 +161,10 @@ impl Checker {
     /// A frame of ours that stops went to `drive`, or to all.
     pub(super) fn stop_sent(&mut self, at: u64, drive: usize) {
         let motor = &mut self.motors[drive];
-        (motor.stopped_by_us, motor.owes_since) = (Some(at), None);
-        (motor.lowest, motor.risen_since) = (u32::MAX, None);
+        motor.stopped_by_us = Some(at);
+        motor.owes_since = None;
+        motor.lowest = u32::MAX;
+        motor.risen_since = None;
     }
 
     /// The drive answered a write to its run command, and that was heard.
@@ -287,7 +289,8 @@ impl Checker {
     /// The gateway is killed: what was reported and not kept may be reported again.
     pub(super) fn telling_starts_again(&mut self, drive: usize, kept: u32) {
         let motor = &mut self.motors[drive];
-        (motor.told, _) = (motor.told.min(kept), motor.asked.clear());
+        motor.told = motor.told.min(kept);
+        _ = motor.asked.clear();
     }
 
     /// M4: trips that were shown for long were reported.
@@ -310,7 +313,8 @@ impl Checker {
         if word(STATUS) & IS_STALE != 0 {
             return;
         }
-        let (motor, kind) = (&self.motors[drive], self.line.drives[drive].kind);
+        let motor = &self.motors[drive];
+        let kind = self.line.drives[drive].kind;
         // What a drive without a status shows of a trip is inferred.
         let not_so = match word(RUN_STATE) {
             STOPPED => motor.runs_since,

@@ -284,7 +284,8 @@ impl Checker {
             return None;
         }
         let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
-        let (station, function) = (frame[0], frame[1]);
+        let station = frame[0];
+        let function = frame[1];
         let drive = self.line.drives.iter().find(|drive| drive.station == station)?;
         let (count, values) = match (function, frame.len()) {
             (3, 8) => (word(4), [0; 2]),
@@ -328,7 +329,8 @@ impl Checker {
             if wire.heard[place.clone()] != wire.truth[..] {
                 // It looks like the reply and is none, so the reply may still come.
                 wire.heard.drain(..place.end);
-                (wire.was_mistakable, self.counts.mistakable) = (true, self.counts.mistakable + 1);
+                wire.was_mistakable = true;
+                self.counts.mistakable = self.counts.mistakable + 1;
                 continue;
             }
             if let Some(last) = wire.newest_mut() {

@@ -23,7 +23,8 @@ impl Checker {
         let facts = self.line.drives[drive].kind.facts();
         let is_taken = matches!(exchange.truth, Truth::Holds(word) if word == exchange.values[0]);
         for place in 0..exchange.count {
-            let (address, value) = (exchange.address.wrapping_add(place), exchange.values[usize::from(place)]);
+            let address = exchange.address.wrapping_add(place);
+            let value = exchange.values[usize::from(place)];
             let is_explained = if address == facts.run {
                 match facts.run_of(value) {
                     Some(run @ (Run::Forward | Run::Reverse)) => {
@@ -34,7 +35,8 @@ impl Checker {
                         self.stop_sent(exchange.at, drive);
                         let is_explained = self.explain_stop(exchange, drive, value, is_taken);
                         let book = &mut self.books[drive];
-                        (book.stop_due, book.remembered_stop) = (None, false);
+                        book.stop_due = None;
+                        book.remembered_stop = false;
                         is_explained
                     }
                     Some(Run::Reset) => self.explain_reset(drive, exchange.at, value, is_taken),
@@ -98,7 +100,9 @@ impl Checker {
         if let Some(run) = run
             && is_taken
         {
-            (book.run_taken, book.is_running, book.zeros) = (Some(run), true, 0);
+            book.run_taken = Some(run);
+            book.is_running = true;
+            book.zeros = 0;
         }
         true
     }
