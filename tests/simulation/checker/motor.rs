@@ -53,7 +53,7 @@ pub struct State {
 }
 
 /// What is known of one motor.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Motor {
     state: State,
     /// Since when it was seen to run, to rest, and to be tripped or not, without a break.
@@ -193,13 +193,18 @@ impl Checker {
     }
 
     /// All drives were stopped at once, and that is answered now, when the last one has stopped. A motor that was found at
-    /// rest had nothing to stop: one that others have started after the readings that showed it runs rightly.
+    /// rest had nothing to stop: one that others have started after two readings that showed it at rest runs rightly.
     pub(super) fn all_stops_answered(&mut self, at: u64, number: u64) {
         for drive in 0..self.motors.len() {
             let lag = self.lag(drive);
+            let readings = self.books[drive].readings;
             let motor = &mut self.motors[drive];
+            let was_shown = |from: u64, until: u64| {
+                let shows_rest = |(output, at): &&(u16, u64)| *output == 0 && (from..until).contains(at);
+                until > from + lag || readings.iter().filter(shows_rest).count() >= 2
+            };
             let is_started_since = |it: &Asked| {
-                it.number == number && it.found_at_rest && motor.runs_since.is_some_and(|since| since > it.at + lag)
+                it.number == number && it.found_at_rest && motor.runs_since.is_some_and(|since| was_shown(it.at, since))
             };
             match motor.asked.iter().position(is_started_since) {
                 Some(place) => {

@@ -158,7 +158,7 @@ impl Checker {
         if !is_coast
             && (self.explain_reset(drive, exchange.at, value, is_taken)
                 || self.repeats_end_of_reset(drive, exchange.at, value)
-                || self.motors[drive].takes_back(exchange.at, TAKEN_BACK_EVERY, self.stood.1))
+                || self.takes_back(drive, exchange.at))
         {
             return true;
         }
@@ -182,6 +182,17 @@ impl Checker {
             self.settle_stops(drive);
         }
         is_explained
+    }
+
+    /// Whether a stop that is written at `at` takes a reset back. One that was ordered just before is that stop as well, and
+    /// the next one that takes a reset back is not too soon after it.
+    fn takes_back(&mut self, drive: usize, at: u64) -> bool {
+        let before = self.motors[drive].clone();
+        let takes_back = self.motors[drive].takes_back(at, TAKEN_BACK_EVERY, self.stood.1);
+        if at <= self.books[drive].last_stop_at + self.bound {
+            self.motors[drive] = before;
+        }
+        takes_back
     }
 
     /// The stop that ends a reset goes up to four times. Where the drive has not taken it, it is sent again whenever the motor
