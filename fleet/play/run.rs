@@ -32,7 +32,7 @@ const OTHER_FILES: usize = 64;
 /// The progress of a simulation, for display.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done.
+    /// The present stage.
     pub stage: Stage,
     /// How much of it is done.
     pub done: u64,
@@ -42,7 +42,7 @@ pub struct Progress {
     pub balance: Balance,
 }
 
-/// What is being done.
+/// The present stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Consumers subscribe.

@@ -1,4 +1,4 @@
-//! Frames in the bytes of a line: the same whatever pieces they come in, sound, and no byte lost.
+//! Frames in the bytes of a line: the same whatever chunks they arrive in, sound, and no byte lost.
 //!
 //! Input: a byte of flags (1 ASCII, 2 with an expectation), a seed for the chunks, with an expectation its station,
 //! function and length; then the bytes of the line.
@@ -20,13 +20,13 @@ pub fn run(bytes: &[u8]) {
     let expected = expected.as_ref();
     let stream = feed.rest();
     hear(framing, expected, chunks(stream, seed));
-    // Only what fits can be there as a whole.
+    // Only what fits can be complete.
     let stream = &stream[..stream.len().min(2 * framing::max_adu_bytes(framing))];
     let whole = hear(framing, expected, [stream]);
     let in_chunks = hear(framing, expected, chunks(stream, seed));
     let in_bytes = hear(framing, expected, chunks(stream, 0));
     if whole != in_chunks || whole != in_bytes {
-        // Which of two frames that share bytes was meant, nobody can tell.
+        // If two frames share bytes, it cannot be decided which one was sent.
         let is_ambiguous = framing == Framing::Rtu && expected.is_some_and(|it| share_bytes(stream, it));
         assert!(is_ambiguous, "whole {whole:02X?}\nin chunks {in_chunks:02X?}\nin bytes {in_bytes:02X?}");
     }
@@ -67,7 +67,7 @@ fn hear<'a>(
     (found, rest)
 }
 
-/// A frame is sound and formats back; behind noise an RTU frame is the expected one.
+/// A frame is sound and formats back; after noise an RTU frame is the expected one.
 fn check(framing: Framing, expected: Option<&Expected>, found: &Found) {
     assert!(found.adu.len() <= framing::max_adu_bytes(framing), "{} bytes", found.adu.len());
     let (station, pdu) = framing::decode(framing, &found.adu).expect("what is found is sound");
@@ -90,7 +90,7 @@ fn share_bytes(stream: &[u8], expected: &Expected) -> bool {
     places.iter().enumerate().any(|(n, one)| places[n + 1..].iter().any(|other| overlap(one, other)))
 }
 
-/// The sound frames that begin at `start`: by the length that their function has, and by those that are waited for.
+/// The sound frames that begin at `start`: by the length of their function, and by those that are expected.
 fn frames_at(stream: &[u8], start: usize, expected: &Expected) -> Vec<Range<usize>> {
     let known = match rtu::reply_adu_bytes(&stream[start..]) {
         ReplyLength::Known(length) => Some(length),

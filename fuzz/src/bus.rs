@@ -1,4 +1,4 @@
-//! The simulated bus: any bytes of a master at any time, and only drives that were asked answer.
+//! The simulated bus: any bytes of a master at any time, and only addressed drives answer.
 //!
 //! Input: flags (1 ASCII, 2 paced, 4 faults), the model, then events.
 
@@ -13,7 +13,7 @@ use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, 
 use vfd_gateway::wire::framing::{self, Assembler};
 
 const STATIONS: [u8; 2] = [1, 7];
-/// Longer than any reply waits: what is due is out by then.
+/// Longer than any reply is delayed: everything due is sent by then.
 const ALL_IS_OUT: Duration = Duration::from_secs(120);
 
 pub fn run(bytes: &[u8]) {
@@ -54,7 +54,7 @@ struct Master {
     framing: Framing,
     now: MonoTime,
     heard: Vec<u8>,
-    /// When the last byte was heard.
+    /// When the last byte was received.
     last: MonoTime,
 }
 

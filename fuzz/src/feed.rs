@@ -1,12 +1,12 @@
-//! The bytes of the fuzzer, taken one after the other as what a target needs. Past their end everything is 0 or empty.
+//! The bytes of the fuzzer, consumed as the values that a target needs. Past their end everything is 0 or empty.
 
 use std::time::Duration;
 
-/// Bytes that wait.
+/// The remaining bytes.
 pub struct Feed<'a>(&'a [u8]);
 
 impl<'a> Feed<'a> {
-    /// Longest piece: longer than what any protocol here takes at once.
+    /// Longest piece: longer than any protocol here accepts at once.
     pub const PIECE_MAX: usize = 16 * 1024;
 
     pub const fn new(bytes: &'a [u8]) -> Self {
@@ -51,13 +51,13 @@ impl<'a> Feed<'a> {
         piece
     }
 
-    /// Pieces that become words: at most `most`.
+    /// A piece as words: at most `most`.
     pub fn words(&mut self, most: usize) -> Vec<u16> {
         let count = usize::from(self.byte()) % (most + 1);
         (0..count).map(|_| self.word()).collect()
     }
 
-    /// All that is left.
+    /// All remaining bytes.
     pub const fn rest(self) -> &'a [u8] {
         self.0
     }

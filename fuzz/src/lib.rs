@@ -1,4 +1,4 @@
-//! One function per parser that meets bytes from outside. It takes any bytes, and panics where a promise is broken.
+//! One function per parser of external bytes. It accepts any bytes, and panics if a property is violated.
 //!
 //! The fuzzer calls them from `fuzz_targets/`; the ordinary tests replay the corpus through the same functions.
 
@@ -19,7 +19,7 @@ pub mod setup_body;
 pub mod sparkplug;
 pub mod values;
 
-/// A target: it panics where a promise is broken.
+/// A target: it panics if a property is violated.
 pub type Target = fn(&[u8]);
 
 /// All targets by the names of their binaries and of their folders in `corpus/`.

@@ -1,5 +1,5 @@
-//! A line: bytes, time, clients, commanders and its port in any order. Each request ends once and in time, one exchange
-//! is open at a time and none begins too early, and no motor is started that nobody ordered to run.
+//! A line: bytes, time, clients and its port in any order. Each request ends once and in time, one exchange is open at
+//! a time and none begins too early, and no motor is started without an order.
 //!
 //! Input: flags (1 ASCII, 2 with control), the model, then events.
 
@@ -29,11 +29,11 @@ use vfd_gateway::wire::pdu::{self, Request, function};
 
 const DRIVES: u8 = 2;
 const PATIENCE: Duration = Duration::from_secs(2);
-/// By then every command has its last word: a stop for a drive that does not answer is the last.
+/// By then every command has its final outcome: a stop for a drive that does not answer is the last.
 const ALL_HAS_ENDED: Duration = Duration::from_secs(700);
-/// How often it is looked whether all has ended.
+/// How often it is checked whether all has ended.
 const LOOK: Duration = Duration::from_secs(10);
-/// More than all that can end at once.
+/// More than can end at once.
 const EFFECTS_MAX: usize = 4_000;
 
 pub fn run(bytes: &[u8]) {
@@ -60,11 +60,11 @@ struct Watch {
     silence: Duration,
     link: LinkSettings,
     now: MonoTime,
-    /// Reads without an answer, with who asked.
+    /// Reads without an answer, with the asker.
     reads: HashSet<(Ticket, AskerId)>,
     /// Writes without an answer: they are commands, and a stop ends by its effect.
     writes: HashSet<(Ticket, AskerId)>,
-    /// Commands without their last word.
+    /// Commands without a final outcome.
     commands: BTreeSet<Ticket>,
     tickets: u64,
     last_frame: Vec<u8>,
@@ -160,7 +160,7 @@ impl Watch {
         }
     }
 
-    /// The right reply to the frame that was sent last, an exception, or either damaged.
+    /// The right reply to the last frame, an exception, or either damaged.
     fn reply(&mut self, feed: &mut Feed<'_>) {
         let Some((station, pdu)) = framing::decode(self.framing, &self.last_frame) else { return };
         let how = feed.byte();
@@ -175,7 +175,7 @@ impl Watch {
             let at = usize::from(word) % reply.len();
             reply[at] ^= 0x10;
         }
-        // Whatever is said, it is not said while we speak.
+        // Nothing is sent to us while we send.
         self.pass(self.quiet_since.since(self.now));
         self.bytes(&reply);
     }
@@ -305,7 +305,7 @@ impl Watch {
         assert!(frames <= 1, "{frames} exchanges at once");
     }
 
-    /// Everything that was asked and commanded ends.
+    /// Every request and every command ends.
     fn end(&mut self) {
         self.pass(PATIENCE);
         assert!(self.reads.is_empty(), "without an answer: {:?}", self.reads);
@@ -321,7 +321,7 @@ impl Watch {
         let quiet_for = self.now.since(self.quiet_since);
         let (station, pdu) = framing::decode(self.framing, &frame).expect("only sound frames are sent");
         let is_jammed = self.core.report().fault == Some(LineFault::Jammed);
-        // On a jammed line a stop goes over whoever talks, and nothing else does.
+        // On a jammed line a stop is sent over any talker, and nothing else is.
         if is_jammed && self.core.report().state == LineState::Down {
             assert_ne!(pdu[0], function::READ_HOLDING, "{frame:02X?} on a jammed line");
         } else {
@@ -330,7 +330,7 @@ impl Watch {
         assert!(self.core.is_occupied(), "sent, and the wire is free");
         let reason = self.core.next_wake().map(|wake| wake.reason);
         let waits = matches!(reason, Some(WakeReason::ReplyDue | WakeReason::RequestDeadline));
-        // What a drive under control waits for may be due earlier.
+        // Work of a drive under control may be due earlier.
         assert!(waits || self.has_control, "nobody waits for the reply: {reason:?}");
         assert!((1..=DRIVES).contains(&station) || to_all(&self.model) == Some(station), "station {station}");
         self.check_run(&pdu);
@@ -338,7 +338,7 @@ impl Watch {
         self.last_frame = frame;
     }
 
-    /// No RUN goes out more often than it was ordered.
+    /// No RUN is sent more often than it was ordered.
     fn check_run(&mut self, pdu: &[u8]) {
         let (Some(run), Some(register)) = (&self.model.run, self.model.register_for(Role::RunCommand)) else { return };
         let (address, values) = match Request::decode(pdu) {
@@ -355,7 +355,7 @@ impl Watch {
     }
 }
 
-/// The station that all drives of this model take a stop from.
+/// The broadcast station for stops, if this model has one.
 fn to_all(model: &Model) -> Option<u8> {
     model.link.broadcast.as_ref().map(|broadcast| broadcast.station.value)
 }

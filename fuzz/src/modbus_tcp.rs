@@ -1,6 +1,6 @@
 //! A Modbus TCP client: any bytes in any chunks, with drives behind it that answer anything at any time.
 //!
-//! Input: the model, the words of the drive's picture, then events.
+//! Input: the model, the words of the drive's view, then events.
 
 use super::feed::{Feed, chunks};
 use super::plant;
@@ -23,8 +23,8 @@ use vfd_gateway::wire::{exception, mbap};
 const NATIVE: u8 = 1;
 const UNIFORM: u8 = 101;
 const UNITS: [u8; 6] = [NATIVE, UNIFORM, UNIFORM, own::UNIT, own::BROADCAST, 9];
-/// Nothing makes the output longer: what closes the connection, one piece of requests that are refused at once, and a
-/// full answer for each place and each unit.
+/// Bound of the output: what closes the connection, one piece of requests that are refused at once, and a full answer
+/// for each place and each unit.
 const OUTPUT_MAX: usize = Connection::OUTPUT_MAX + 2 * Feed::PIECE_MAX + (16 + 256) * mbap::MAX_ADU_BYTES;
 
 pub fn run(bytes: &[u8]) {
@@ -86,17 +86,16 @@ impl Gateway for Units {
 /// What an observer of the socket knows.
 #[derive(Default)]
 struct Observer {
-    /// Sent, and not a whole message yet.
+    /// Sent, but not a complete message yet.
     sent: Vec<u8>,
     is_broken: bool,
     /// Requests without an answer: transaction, unit, function.
     open: Vec<(u16, u8, u8)>,
-    /// Received, and not a whole message yet.
+    /// Received, but not a complete message yet.
     received: Vec<u8>,
 }
 
-/// Transaction, unit and PDU of the message that `stream` begins with, which is taken out of it. An error: no message
-/// can follow.
+/// Removes the message that `stream` begins with. Returns transaction, unit and PDU; an error if no message can follow.
 fn cut(stream: &mut Vec<u8>) -> Result<Option<(u16, u8, Vec<u8>)>, ()> {
     if stream.len() >= 4 && stream[2..4] != [0, 0] {
         return Err(());
@@ -182,7 +181,7 @@ impl Client {
         assert!(self.connection.output().len() <= OUTPUT_MAX, "{} bytes wait", self.connection.output().len());
     }
 
-    /// A whole message, in chunks.
+    /// A complete message, in chunks.
     fn request(&mut self, feed: &mut Feed<'_>) {
         let unit = feed.one_of(&UNITS);
         let seed = feed.byte();
@@ -285,7 +284,7 @@ impl Client {
         taken.at_once(&words, |answer| connection.answer(now, call, answer)).expect("a read orders nothing");
     }
 
-    /// The client reads at most so many bytes of its answers.
+    /// The client reads at most `bytes` bytes of its answers.
     fn read(&mut self, bytes: usize) {
         let bytes = bytes.min(self.connection.output().len());
         self.observer.receives(&self.connection.output()[..bytes]);
@@ -302,7 +301,7 @@ impl Client {
         self.now = until;
     }
 
-    /// Everything that was asked is answered in time, unless the connection was closed.
+    /// Every request is answered in time, unless the connection was closed.
     fn end(&mut self) {
         self.read(usize::MAX);
         if self.connection.close_reason().is_none() {

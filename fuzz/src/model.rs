@@ -40,7 +40,7 @@ fn work_with(model: &Arc<Model>, framing: Framing) {
     a_drive_answers(model);
 }
 
-/// Each word that a register may hold is the same word after it was shown.
+/// Each word that a register may hold survives being shown and parsed.
 fn values_survive(model: &Model) {
     for register in &model.registers {
         for word in [1, 0x7FFF, 0x8000] {
@@ -51,7 +51,7 @@ fn values_survive(model: &Model) {
     }
 }
 
-/// A simulated drive takes every request to its registers, of which many are alike.
+/// A simulated drive answers every request to its registers, many of which are alike.
 fn a_drive_answers(model: &Arc<Model>) {
     let mut drive = SimDrive::new(Arc::clone(model), DriveOptions::default());
     let mut now = MonoTime::from_millis(100_000);

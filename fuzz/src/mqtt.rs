@@ -1,6 +1,7 @@
-//! Messages from a broker: each is taken or refused, a replay never acts, and nothing goes out on a topic that orders.
+//! Messages from a broker: each is accepted or refused, a replay is never executed, and nothing is published on a
+//! command topic.
 //!
-//! Input: flags (1 MQTT 5, 2 explicit leases, 4 a broker that takes little), then events.
+//! Input: flags (1 MQTT 5, 2 explicit leases, 4 a broker that accepts small packets only), then events.
 
 use super::feed::Feed;
 use super::plant;
@@ -41,7 +42,7 @@ const TOPICS: [&str; 17] = [
 ];
 /// No command waits longer for its first frame.
 const TTL_MAX: Duration = Duration::from_secs(60);
-/// More than all that a session ever has to say at once.
+/// More than a session ever sends at once.
 const ACTS_MAX: usize = 5_000;
 
 pub fn run(bytes: &[u8]) {
@@ -174,7 +175,7 @@ impl Rig {
         assert_eq!(after.messages_in, before.messages_in + 1);
     }
 
-    /// What one message may order.
+    /// Checks what one message has ordered.
     fn acts_on(&self, message: &Message<'_>, acts: &[Act]) {
         let orders: Vec<_> = acts
             .iter()
@@ -232,7 +233,7 @@ impl Rig {
         self.acts();
     }
 
-    /// Everything that is to be done now. Probes come back.
+    /// All acts that are due now. Probes are delivered back.
     fn acts(&mut self) -> Vec<Act> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
@@ -286,7 +287,7 @@ impl Rig {
     }
 }
 
-/// The moment so many milliseconds after the start of the clock.
+/// The moment `millis` milliseconds after the start of the clock.
 fn moment(millis: u64) -> Moment {
     let since = i64::try_from(millis).expect("a moment");
     Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: 1_767_225_600_000 + since } }

@@ -1,4 +1,4 @@
-//! What a browser sends to the page, or somebody who plays one: bodies, cookies, origins, names for the gateway.
+//! What a browser, or a client that imitates one, sends to the page: bodies, cookies, origins, host names.
 
 use serde_json::{Value, json};
 use vfd_gateway::domain::command::Order;
@@ -23,7 +23,7 @@ pub fn run(bytes: &[u8]) {
 fn bodies(bytes: &[u8]) {
     let said = || serde_json::from_slice::<Value>(bytes).expect("what is taken is JSON");
     if let Ok(wish) = wish(bytes) {
-        // A stop is taken whatever stands beside it, JSON or not.
+        // A stop is accepted whatever accompanies it, JSON or not.
         if wish.beside.is_some() {
             assert!(wish.order.is_some_and(|order| order.is_stop()) && !wish.takes, "{bytes:?}");
             return;

@@ -1,4 +1,4 @@
-//! Requests and replies without station and check: what decodes encodes back, and only the right reply is one.
+//! Requests and replies without station and check: what decodes encodes back, and only a matching reply is accepted.
 //!
 //! Input: a piece that is the request's PDU, then the reply's.
 
@@ -56,7 +56,7 @@ fn is_the_right_one(request: &Request, answer: &Reply, pdu: &[u8]) {
     }
 }
 
-/// What a client asks is understood as it stands, or refused with an exception that says why.
+/// A client's request is decoded exactly, or refused with an exception that says why.
 fn of_a_client(pdu: &[u8]) {
     match parse(pdu) {
         Err(code) => assert!(
@@ -83,7 +83,7 @@ fn of_a_client(pdu: &[u8]) {
     }
 }
 
-/// A message of Modbus TCP at the start of `stream` stands there as it is said.
+/// The header of a Modbus TCP message matches the bytes of `stream`.
 fn header(stream: &[u8]) {
     let Ok(Some(message)) = mbap::decode(stream) else { return };
     assert!((1..=MAX_PDU_BYTES).contains(&message.pdu.len()));

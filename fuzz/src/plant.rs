@@ -18,7 +18,7 @@ pub fn catalog() -> &'static Catalog {
     &CATALOG
 }
 
-/// The built-in model at `place`, counted round.
+/// The built-in model at `place`, wrapping around.
 pub fn model(place: u8) -> Arc<Model> {
     let ids: Vec<&str> = catalog().ids().collect();
     Arc::clone(catalog().find(ids[usize::from(place) % ids.len()]).expect("an identifier of the catalogue"))

@@ -1,6 +1,7 @@
-//! Commands of Sparkplug hosts: each orders one thing at most, a replay never acts, and numbers run on without a gap.
+//! Commands of Sparkplug hosts: each gives at most one order, a replay is never executed, and sequence numbers have no
+//! gap.
 //!
-//! Input: flags (1 MQTT 5, 2 a primary host, 4 a broker that takes little), then events.
+//! Input: flags (1 MQTT 5, 2 a primary host, 4 a broker that accepts small packets only), then events.
 
 use super::feed::Feed;
 use super::plant;
@@ -34,7 +35,7 @@ const NAMES: [&str; 8] = [
 ];
 const WORDS: [&str; 6] = ["stop", "forward", "reverse", "coast", "STOP ", "start"];
 const EPOCH_MS: i64 = 1_767_225_600_000;
-/// More than all that a session ever has to say at once.
+/// More than a session ever sends at once.
 const ACTS_MAX: usize = 5_000;
 
 pub fn run(bytes: &[u8]) {
@@ -54,7 +55,7 @@ struct Rig {
     lines: Vec<LineState>,
     millis: u64,
     bdseq: u8,
-    /// The number that the next message has; nothing before the first birth.
+    /// The number of the next message; `None` before the first birth.
     next: Option<u64>,
     tickets: Vec<Ticket>,
 }
@@ -191,7 +192,7 @@ impl Rig {
         self.acts();
     }
 
-    /// A drive answers, or does not any more.
+    /// A drive answers, or stops responding.
     fn poll(&mut self, feed: &mut Feed<'_>) {
         let place = usize::from(feed.byte()) % self.views.len();
         let at = self.at().mono;
@@ -231,7 +232,7 @@ impl Rig {
         self.acts();
     }
 
-    /// Everything that is to be done now. Probes come back; a connection that is to be left stays until it is lost.
+    /// All acts that are due now. Probes are delivered back; a connection that is to be left stays until it is lost.
     fn acts(&mut self) -> Vec<Act> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
@@ -269,7 +270,7 @@ fn message<'a>(topic: &'a str, payload: &'a [u8], retain: bool, duplicate: bool)
     Message { topic, payload, retain, duplicate, expiry: None, response_topic: None, correlation: None }
 }
 
-/// The moment so many milliseconds after the start of the clock.
+/// The moment `millis` milliseconds after the start of the clock.
 fn moment(millis: u64) -> Moment {
     let since = i64::try_from(millis).expect("a moment");
     Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: EPOCH_MS + since } }

@@ -1,16 +1,16 @@
-//! What holds for every text that people write and for the problems found in it.
+//! Properties of every text that people write and of the problems found in it.
 
 use vfd_gateway::domain::problem::Problem;
 
-/// Longest text that is tried. What a person writes is shorter, and a longer one tries nothing new.
+/// Longest text that is tried. People write shorter ones, and a longer one would test nothing new.
 const TEXT_MAX_BYTES: usize = 64 * 1024;
 
-/// The text that `bytes` hold; nothing if they are none: files that are no text are refused when they are read.
+/// The text in `bytes`; `None` if they are not UTF-8: such files are refused when they are read.
 pub fn of(bytes: &[u8]) -> Option<&str> {
     std::str::from_utf8(bytes).ok().filter(|text| text.len() <= TEXT_MAX_BYTES)
 }
 
-/// The problems of a whole file stand in the order of the text.
+/// The problems of a whole file are in the order of the text.
 pub fn check_file(text: &str, problems: &[Problem]) {
     check_problems(text, problems);
     assert!(problems.is_sorted_by_key(|problem| problem.span.start), "{problems:?}");

@@ -31,7 +31,7 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-/// What `kind` reads from a file in which `text` is the value of a key as it stands.
+/// What `kind` reads from a file in which `text` is the literal value of a key.
 fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
     let file = format!("v = {text}");
     let mut problems = Vec::new();
@@ -52,7 +52,7 @@ fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
     }
 }
 
-/// A time is in its range and reads the same after it was shown.
+/// A time is in its range and survives being shown and parsed.
 fn time(text: &str) {
     let kind = Kind::duration(TIMES);
     for quoted in [text.to_owned(), format!("'{text}'")] {
@@ -75,7 +75,7 @@ fn number(text: &str) {
     }
 }
 
-/// A frequency is exact: it reads the same after it was shown.
+/// A frequency is exact: it survives being shown and parsed.
 fn frequency(text: &str) {
     if let Ok(hertz) = Hertz::parse(text) {
         assert_eq!(Hertz::parse(&hertz.to_string()), Ok(hertz), "{text}");

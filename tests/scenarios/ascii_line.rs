@@ -1,5 +1,5 @@
-//! A line with ASCII frames keeps the promises of an RTU line: the same polls, reads, commands and stops, and no reply
-//! is taken for another.
+//! A line with ASCII frames behaves like an RTU line: the same polls, reads, commands and stops, and no reply is taken
+//! for another.
 
 use crate::support::{ASCII_WORDS, MQTT, PROOF, Rig, RigOptions, STOP, plc, run};
 use std::time::Duration;
@@ -119,7 +119,7 @@ fn a_station_with_a_missing_reply_is_asked_only_what_cannot_be_mistaken() {
     line(1, "", 1).shows_that_a_missing_reply_is_waited_out();
 }
 
-/// One wrong bit only: two can cancel each other in an LRC, which nobody could tell.
+/// One wrong bit only: two can cancel each other in an LRC and go unnoticed.
 #[test]
 fn a_reply_with_a_wrong_check_is_asked_for_again_when_its_time_is_over() {
     let mut rig = line(1, "", 1);
@@ -127,7 +127,7 @@ fn a_reply_with_a_wrong_check_is_asked_for_again_when_its_time_is_over() {
     let ticket = rig.read(1, 0, PROOF, 1);
     let asked = rig.sent.last().expect("the line was idle").clone();
     let end = asked.at + Duration::from_nanos(17_708_334);
-    // The drive's reply comes, but with another last digit before its LRC.
+    // The drive's reply arrives, but with another last digit before its LRC.
     let mut reply = Vec::new();
     ascii::encode(&mut reply, 1, |pdu| pdu.extend([3, 2, 0, 1]));
     reply[10] = b'3';
@@ -136,7 +136,7 @@ fn a_reply_with_a_wrong_check_is_asked_for_again_when_its_time_is_over() {
     rig.core.handle(rig.now, vfd_gateway::gateway::Input::Bytes(&reply));
     rig.settle();
     assert_eq!(rig.core.counters().garbled, 0, "the reply may still come");
-    // What settles that none follows goes in between.
+    // The barrier is sent in between.
     assert_eq!(rig.answer_to(ticket), NativeOutcome::Words(vec![asked.proof + 2].into()));
     let counters = rig.core.counters();
     assert_eq!((counters.garbled, counters.strays, counters.barriers), (1, 0, 1));

@@ -1,5 +1,5 @@
 //! No register of a drive is a way around control: what moves a motor, widens its limits or decides whom it obeys is
-//! refused whoever lists it, and nothing of it reaches the line.
+//! refused even if it is listed, and nothing of it reaches the line.
 
 use crate::support::families::{accepting, listing, quiet, refused, register, single, write};
 use crate::support::{MQTT, ORIGIN, STOP, model, setpoint};
@@ -20,7 +20,7 @@ const E510: &str = "teco-e510";
 const E510S: &str = "teco-e510s";
 const FR500: &str = "frecon-fr500a";
 
-/// Typed from the vendors' tables: what nobody may write, listed or not.
+/// Typed from the vendors' tables: registers that no client may write, listed or not.
 const DOORS: &[Door] = &[
     // F001 is set by the frequency command alone; F201; F010, F011; A04 and what the sibling has there.
     (N700, 0x0201, 3000, NotListed),
@@ -40,7 +40,7 @@ const DOORS: &[Door] = &[
     (N100, 0x0002, 5, NotUnderstood),
     (N100, 0x0002, 6, NotUnderstood),
     (N100, 0x0002, 8, NotUnderstood),
-    // Bits 11, 12, 8 and 3 to 0 in words that are no command; orders to run without the priority bits.
+    // Bits 11, 12, 8 and 3 to 0 in words that are not a command; orders to run without the priority bits.
     (AS1, 0xFA00, 0xCC00, NotUnderstood),
     (AS1, 0xFA00, 0x0800, NotUnderstood),
     (AS1, 0xFA00, 0xD000, NotUnderstood),
@@ -146,7 +146,7 @@ const DOORS: &[Door] = &[
     (FR500, 0x840A, 1, NotListed),
 ];
 
-/// What is refused until it is listed, and what the same word at its twin needs a listing of its own for.
+/// Registers that are refused until they are listed; their twins need a listing of their own.
 const UNLISTED: &[(&str, u16, u16)] = &[
     (N700, 0x020C, 100),
     (N100, 0x0202, 100),

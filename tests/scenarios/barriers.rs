@@ -1,5 +1,5 @@
-//! Drives that are read word by word: every reply could be the late answer to every other read. What settles that is a
-//! loop test, or a function that the drive refuses.
+//! Drives that are read word by word: every reply could be the late answer to every other read. The barrier is a loop
+//! test, or a function that the drive refuses.
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, control, model, n700, run};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use vfd_gateway::profile::model::{Barrier, Confidence, Fact, Model};
 use vfd_gateway::sim::{BadRequest, FaultPlan};
 
 const LOOP_TEST: u8 = 8;
-/// How long a late reply may stay out.
+/// How late a reply may be.
 const MAX_LATENESS: Duration = Duration::from_millis(500);
 
 fn fact<T>(value: T, confidence: Confidence) -> Fact<T> {
@@ -54,7 +54,8 @@ fn loop_tests(rig: &Rig) -> usize {
     functions(rig).iter().filter(|function| **function == LOOP_TEST).count()
 }
 
-/// Reads a word whose reply is lost, then one whose reply comes; returns how long after the time-out that went out.
+/// Reads a word whose reply is lost, then one whose reply arrives; returns how long after the time-out the latter was
+/// sent.
 fn waited_after_a_lost_reply(rig: &mut Rig) -> Duration {
     rig.loses_reply_to = Some(3);
     let lost = rig.read(1, 0, PROOF, 1);
@@ -65,8 +66,8 @@ fn waited_after_a_lost_reply(rig: &mut Rig) -> Duration {
     rig.sent.last().expect("the read went out").at.since(timed_out)
 }
 
-/// Clients that never pause read proof words, whose value says which exchange asked for them, until so many frames went
-/// out. Returns how many were answered, all of them right.
+/// Clients that never pause read proof words, whose value identifies the exchange that requested them, until `frames`
+/// frames were sent. Returns how many were answered, all of them right.
 fn walk(rig: &mut Rig, frames: u64) -> u64 {
     rig.keeps_sent = false;
     for asker in 0..4 {
@@ -95,7 +96,7 @@ fn late_replies_are_never_mixed_up_where_every_reply_is_one_word() {
         (model("toshiba-vf-as1"), true),
         (loop_test(Confidence::Manual), true),
         (loop_test(Confidence::Inferred), true),
-        // Nothing settles it: what is left is to wait.
+        // There is no barrier: the only way is to wait.
         (word_by_word(Barrier::Refused(fact(3, Confidence::Inferred))), false),
     ] {
         for seed in 0..3 {
@@ -106,7 +107,7 @@ fn late_replies_are_never_mixed_up_where_every_reply_is_one_word() {
             let right = walk(&mut rig, 2000);
             let counters = rig.core.counters();
             assert!(right > 500, "{}: work went on: {right}", model.id);
-            // Those that come while the other drive is asked are foreign.
+            // Those that arrive while the other drive is asked are foreign.
             assert!(counters.strays + counters.foreign > 200, "{}: late replies were seen: {counters:?}", model.id);
             assert_eq!(counters.barriers > before + 200, settles, "{}: {counters:?}", model.id);
         }

@@ -1,4 +1,4 @@
-//! A commander that falls silent loses control, and the declared action runs.
+//! A client that stops responding loses control, and the declared action runs.
 
 use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
@@ -9,7 +9,7 @@ use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::gateway::{Input, Note};
 
 const RUN: u16 = 0x0002;
-/// What an exchange and the silence before the next take at most here, time-outs aside.
+/// The longest exchange with the silence before the next one here, time-outs aside.
 const BOUND: Duration = Duration::from_millis(30);
 
 fn running(action: FailSafe, on_shutdown: FailSafe) -> Rig {
@@ -69,7 +69,7 @@ fn a_sparkplug_host_keeps_control_by_its_own_signs_of_life_alone() {
     }
     assert_eq!(rig.written(RUN), [1]);
     assert_eq!(rig.commanded(MQTT, setpoint(1000)), (Outcome::Refused, Reason::OtherOwner));
-    // The host is gone, and the way of the gateway's own topics is open.
+    // The host is gone, while the path of the gateway's own topics is open.
     rig.live(Duration::from_secs(5));
     assert_eq!(rig.written(RUN), [1, 0]);
     let action = FailSafe::Stop;
@@ -85,14 +85,14 @@ fn a_drive_that_was_lost_starts_only_on_a_fresh_order() {
     rig.commanded(plc(1), STOP);
     rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
     rig.pass(Duration::from_secs(60));
-    // The controller comes back and goes on writing what it wrote before.
+    // The controller returns and continues writing what it wrote before.
     for _ in 0..3 {
         assert_eq!(
             rig.commanded(plc(1), run(Direction::Forward, Some(3000))),
             (Outcome::Refused, Reason::StartInhibited)
         );
     }
-    // The drive rests, so this puts nothing on the wire; the controller has shown that it knows.
+    // The drive is at rest, so nothing is sent; the controller has shown that it knows.
     assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Acknowledged, Reason::Unchanged));
     assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
 }
@@ -207,7 +207,7 @@ fn the_end_of_the_gateway_is_an_action_of_its_own() {
 
 #[test]
 fn the_gateway_never_invents_motion() {
-    // A drive that somebody else runs is found so and left alone, at start, after silence and after a lost port.
+    // A drive that another party runs is left alone, at start, after silence and after a lost port.
     let mut rig = Rig::new(&RigOptions::controlled());
     let now = rig.now;
     let drive = rig.bus.drive_mut(Station(1)).unwrap();

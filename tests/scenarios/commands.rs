@@ -1,4 +1,4 @@
-//! Commands: who may order what, what goes to the line for it, and what the commander is told.
+//! Commands: who may order what, what is sent to the line, and what is reported to the client.
 
 use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
@@ -46,7 +46,7 @@ fn who_lives_keeps_control() {
     assert_eq!(rig.written(RUN), [1]);
 }
 
-/// Whoever reopens a port without having told that it was gone has lost what was on the wire all the same.
+/// If a port is reopened without a report that it was lost, the exchange on the wire is still lost.
 #[test]
 fn a_port_that_opens_anew_never_repeats_a_run_order() {
     let mut rig = rig();
@@ -79,7 +79,7 @@ fn what_is_refused_puts_nothing_on_the_line() {
     for (origin, order, reason) in cases {
         let mut rig = rig();
         if *reason == Reason::NotTripped {
-            // A drive that has just turned its motor is known not to be tripped.
+            // A drive that has just run its motor is known not to be tripped.
             rig.commanded(MQTT, run(Forward, Some(1000)));
             rig.pass(Duration::from_secs(1));
             rig.sent.clear();
@@ -196,8 +196,8 @@ fn a_lost_reply_is_told_as_unknown_and_settled_by_reading() {
     }
 }
 
-/// The drive took 30 Hz without an answer that was heard. An order that is never sent does not bring back what the
-/// drive held before as something that is in force.
+/// The drive accepted 30 Hz, but its answer was lost. An order that is never sent does not make the earlier setpoint
+/// count as in force again.
 #[test]
 fn after_a_lost_reply_the_setpoint_before_it_is_no_longer_in_force() {
     for is_read in [true, false] {
@@ -230,7 +230,7 @@ fn a_command_past_its_deadline_never_reaches_the_wire() {
     rig.bus.set_faults("lost=1000".parse().unwrap());
     rig.pass(Duration::from_millis(250));
     let ticket = rig.command(MQTT, 0, setpoint(2000));
-    // Every reply is lost, so the wire is taken and the station in doubt until the drive counts as gone.
+    // Every reply is lost, so the wire is busy and the station in doubt until the drive counts as offline.
     let (outcome, _) = rig.outcome_of(ticket);
     assert!(matches!(outcome, Outcome::Expired | Outcome::Unknown | Outcome::Refused), "{outcome:?}");
     let sent_at = rig.sent.iter().find(|sent| sent.frame[1] == 6).map(|sent| sent.at);
@@ -319,7 +319,7 @@ fn an_epoch_or_a_moment_of_issue_lets_a_message_start_at_once() {
     }
 }
 
-/// What ends an order to run, and is no stop, does so for a RUN that waited in front of the gateway too.
+/// What cancels an order to run without being a stop also cancels a RUN that waited before the gateway.
 #[test]
 fn a_run_that_was_sent_before_the_drive_was_away_does_not_start_it_when_it_is_back() {
     let mut rig = rig();

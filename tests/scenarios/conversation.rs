@@ -1,4 +1,4 @@
-//! What goes over the wire, as a drive engineer reads it. `UPDATE_GOLDEN=1` rewrites the texts.
+//! The traffic of the wire, as a drive engineer reads it. `UPDATE_GOLDEN=1` rewrites the texts.
 
 use crate::support::{Rig, RigOptions};
 use std::fmt::Write;

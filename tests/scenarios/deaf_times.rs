@@ -1,4 +1,4 @@
-//! A drive that hears nothing for a while is not taken for a dead one.
+//! A drive that is deaf for a while is not taken for a dead one.
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, control, model};
 use std::sync::Arc;
@@ -55,7 +55,7 @@ fn nothing_but_a_stop_goes_to_a_drive_that_is_known_to_be_deaf() {
     rig.core.rest(DriveIndex(0), hears);
     rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
     let read = rig.read(1, 0, PROOF, 1);
-    // What was on the wire when the drive went deaf is none of this.
+    // The exchange on the wire when the drive went deaf does not count.
     rig.run_until(rig.now + SECOND / 2, |_, _| {});
     rig.sent.clear();
     rig.command(MQTT, 0, STOP);

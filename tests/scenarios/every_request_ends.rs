@@ -28,7 +28,7 @@ fn a_lost_port_answers_all_who_wait() {
     rig.read(1, 0, PROOF, 1);
     assert_eq!(outcomes(&mut rig), [NativeOutcome::Refused(Refusal::LineDown)]);
     rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
-    // What was on the wire may still be answered: another word count goes first.
+    // The exchange on the wire may still be answered: another word count is sent first.
     let again = rig.read(1, 0, PROOF, 1);
     assert!(matches!(rig.answer_to(again), NativeOutcome::Words(_)));
 }
@@ -47,7 +47,7 @@ fn a_deadline_that_passes_in_the_queue_ends_the_wait() {
         assert!(rig.now.since(begun) <= Duration::from_secs(5), "{answer:?}");
     });
     assert_eq!(ended, 60);
-    // All asked for the same, so one walk over sixteen frames served them all.
+    // All requested the same, so sixteen frames served them all.
     assert_eq!(rig.core.counters().expired, 0);
     for asker in 0..60 {
         rig.read(asker, 0, PROOF + asker as u16, 125);

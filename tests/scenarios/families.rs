@@ -11,7 +11,7 @@ use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::drive::view::{RunState, TripEventKind};
 use vfd_gateway::profile::model::{Flag, Model, Role};
 
-/// Trip number of the walk: every table of trips that is known has it.
+/// Trip number of the walk: every known table of trips has it.
 const CAUSE: u16 = 2;
 
 fn rig(model: &Arc<Model>) -> Rig {
@@ -136,7 +136,7 @@ fn what_a_drive_must_not_be_told_never_reaches_its_line() {
     }
 }
 
-/// Writes to a drive's own registers that nobody may make: all that no command stands for.
+/// Writes to a drive's own registers that are not commands, which no client may make.
 fn forbidden(model: &Model) -> Vec<(u16, u16)> {
     let run = model.run.as_ref().unwrap();
     let command = model.register_for(Role::RunCommand).unwrap().address.number();

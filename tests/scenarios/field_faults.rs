@@ -1,5 +1,5 @@
-//! What the field does to a line: each fault is told once, nothing is taken for what it is not, every request ends, and a
-//! stop is tried whatever the line is like.
+//! Faults of the field: each is reported once, nothing is mistaken for something else, every request ends, and a stop
+//! is tried in any state of the line.
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, plc, run, setpoint};
 use std::time::Duration;
@@ -23,7 +23,7 @@ fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
-/// What a line of one drive under control promises, shown with both framings.
+/// Properties of a line of one drive under control, with both framings.
 fn with_both_framings(options: impl Fn() -> RigOptions, shows: impl Fn(Rig)) {
     shows(Rig::new(&options()));
     shows(Rig::new(&options().ascii()));
@@ -42,7 +42,7 @@ fn state(rig: &Rig) -> (LineState, Option<LineFault>) {
     (report.state, report.fault)
 }
 
-/// The state changes that were told so far.
+/// The state changes reported so far.
 fn told(rig: &Rig) -> Vec<LineNote> {
     let notes = rig.line_notes.iter().map(|(_, note)| *note);
     notes.filter(|note| matches!(note, LineNote::Down(_) | LineNote::Up)).collect()
@@ -56,7 +56,7 @@ fn wait(rig: &mut Rig, time: Duration) {
     }
 }
 
-/// Somebody talks for `time` without a pause, and nothing else is heard.
+/// A node talks for `time` without a pause, and nothing else is received.
 fn babble(rig: &mut Rig, time: Duration) {
     let end = rig.now + time;
     while rig.now < end {
@@ -91,7 +91,7 @@ fn an_echo_takes_the_line_down_once_and_only_reads_and_stops_go_on() {
             rig.pass(Duration::from_secs(600));
             assert!((15..=40).contains(&rig.sent.len()), "{} probes in 10 minutes", rig.sent.len());
             assert!(rig.writes().is_empty());
-            // A stop goes at once, and what the drive itself answers behind the echo is believed.
+            // A stop is sent at once, and the drive's own answer after the echo is accepted.
             let stop = rig.command(plc(1), 0, STOP);
             assert_eq!(rig.written(RUN), [0]);
             assert_eq!(rig.outcome_of(stop), (Outcome::Confirmed, Reason::None));
@@ -131,7 +131,7 @@ fn where_there_is_only_an_echo_nothing_is_acknowledged() {
                     starts_running(&mut rig);
                     rig.echoes = true;
                     rig.bus.set_powered(rig.now, Station(1), false);
-                    // The drive has gone in this very moment, and with `echoed_before` false the echo has begun.
+                    // The drive is lost at this moment, and if `echoed_before` is false the echo begins.
                     let faster = rig.command(MQTT, 0, setpoint(4000));
                     assert_eq!(rig.outcome_of(faster).0, Outcome::Unknown, "{policy:?}");
                     let stop = rig.command(plc(1), 0, STOP);
@@ -161,7 +161,7 @@ fn no_write_but_a_stop_goes_before_a_read_has_told_about_an_echo() {
                 assert_eq!(functions[..3], [3, 6, 6], "one read, then setpoint and run");
             },
         );
-        // An echo and no drive: the stop goes at once, and its echo says nothing.
+        // An echo and no drive: the stop is sent at once, and its echo proves nothing.
         with_both_framings(
             || RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() },
             |mut rig| {
@@ -206,7 +206,7 @@ fn a_babbling_node_jams_the_line_once_and_everything_that_waits_is_answered() {
             assert_eq!(rig.answers.last().map(|(_, it)| (it.ticket, it.outcome.clone())), Some((read, LINE_DOWN)));
             let faster = rig.command(MQTT, 0, setpoint(4000));
             assert_eq!(rig.told(faster), [(Outcome::Refused, Reason::LineDown, true)]);
-            // The stop talks over the babble, at its own rate, and nothing that comes back proves it.
+            // The stop is sent over the babble, at its own rate, and nothing that comes back confirms it.
             let stop = rig.command(plc(1), 0, STOP);
             assert_eq!(rig.written(RUN), [0], "at once");
             babble(&mut rig, Duration::from_secs(20));

@@ -1,4 +1,4 @@
-//! Every frame printed in the manuals, both ways: as values, as bytes, and as a receiver meets it on a line.
+//! Every frame printed in the manuals, in both directions: as values, as bytes, and as received on a line.
 
 use serde_json::Value;
 use vfd_gateway::domain::address::Table;
@@ -43,7 +43,7 @@ impl Entry {
         }
     }
 
-    /// What the request asks, as the table says it.
+    /// The request as described in the table.
     fn asked(&self) -> Request {
         match self.function {
             3 => Request::Read { address: self.address.into(), count: self.count.unwrap() },
@@ -87,7 +87,7 @@ fn replies() -> Vec<(Entry, Vec<u8>)> {
     table().into_iter().filter_map(|entry| entry.response.clone().map(|reply| (entry, reply))).collect()
 }
 
-/// All that an assembler finds in `chunks`, and what is left when the line falls silent.
+/// Everything that an assembler finds in `chunks`, and what is left once the line is silent.
 fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<Found>, Vec<u8>) {
     let mut assembler = Assembler::new(Framing::Rtu);
     let mut found = Vec::new();
@@ -172,7 +172,7 @@ fn misprints_mean_the_register_that_they_name() {
     }
 }
 
-/// The frames with a wrong CRC were derived from good ones: their bodies can be read, and yet nobody takes them.
+/// The frames with a wrong CRC were derived from good ones: their bodies can be read, but they are not accepted.
 #[test]
 fn frames_with_a_wrong_crc_are_rejected() {
     for entry in table().iter().filter(|entry| !entry.valid_crc) {
@@ -330,7 +330,7 @@ fn assert_rejected(entry: &Entry, adu: &[u8], bits: &[usize; 3]) {
     assert_eq!(taken, None, "{}: {spoilt:02X?}", entry.what);
 }
 
-/// No function code that we know tells the length of such a frame, so silence does.
+/// No known function code gives the length of such a frame, so silence delimits it.
 #[test]
 fn a_frame_of_unknown_length_is_ended_by_silence() {
     let (entry, _) = replies().remove(0);

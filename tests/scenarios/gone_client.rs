@@ -1,4 +1,4 @@
-//! A client that goes takes along what it has asked and ordered and what has not begun; an accepted STOP stays.
+//! When a client leaves, its requests and orders that have not begun are dropped; an accepted STOP stays.
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
@@ -14,7 +14,7 @@ const FREQUENCY: u16 = 0x0004;
 const GONE: u64 = 7;
 const WITHDRAWN: [(Outcome, Reason, bool); 1] = [(Outcome::Refused, Reason::CommanderLost, true)];
 
-/// A drive that the controller may start, and a wire that is taken by a long read of somebody else.
+/// A drive that the controller may start, and a wire that is busy with a long read of another client.
 fn busy_line() -> Rig {
     let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() });
     rig.commanded(plc(1), STOP);

@@ -1,4 +1,4 @@
-//! What stands between a command that is allowed and a motor that turns.
+//! Interlocks between a command that is allowed and a motor that turns.
 
 use crate::support::families::{LOCAL, accepting, listing, models, register, rig_of};
 use crate::support::{MQTT, Rig, STOP, model, run, setpoint};
@@ -30,7 +30,7 @@ fn running(model: &Arc<Model>, control: ControlSettings) -> Rig {
     rig
 }
 
-/// It is stopped, and stands still.
+/// It is stopped, and at standstill.
 fn stands(rig: &mut Rig) {
     is_taken(rig, STOP);
     rig.live(SECOND * 15);
@@ -154,7 +154,7 @@ fn a_motor_is_reversed_only_below_its_frequency() {
 fn a_drive_that_obeys_its_panel_is_refused_and_not_left_unanswered() {
     let mut seen = Vec::new();
     for model in models() {
-        // What the drive tells of its sources, and a word there that is not the bus.
+        // What the drive shows of its sources, and a word there that is not the bus.
         let told = model.status_flag(Flag::BusRun).map(|flag| flag.address);
         let source = model.register_for(vfd_gateway::profile::model::Role::RunSource).map(|register| register.address);
         let (Some(_), Some(source)) = (told, source) else { continue };

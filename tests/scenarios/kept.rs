@@ -1,5 +1,5 @@
-//! What a line says that should be kept: each attempt to write once, with its end, and whatever a later life of the gateway
-//! has to know. And what waits for that.
+//! What a line reports to the journal: each write attempt once, with its end, and everything that a later start of the
+//! gateway has to know. And what waits for that.
 
 use crate::support::{MQTT, ORIGIN, Rig, RigOptions, STOP, plc, run, setpoint};
 use std::time::Duration;
@@ -26,7 +26,7 @@ fn running() -> Rig {
     rig
 }
 
-/// Outcomes of the attempts so far with their ends, in the order of the attempts; nothing is said twice.
+/// Outcomes of the attempts so far with their ends, in the order of the attempts; nothing is reported twice.
 fn accounts(rig: &Rig) -> Vec<Option<(Outcome, Reason)>> {
     let mut accounts = Vec::new();
     let mut first = None;
@@ -77,7 +77,7 @@ fn each_attempt_is_accounted_for_once() {
     rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     rig.commanded(MQTT, run(Direction::Forward, Some(9000)));
     rig.commanded(plc(1), setpoint(2000));
-    // Sent once more it changes nothing and is no attempt; neither are renewals and reads.
+    // Sent again it changes nothing and is not an attempt; neither are renewals and reads.
     rig.commanded(MQTT, Order::Renew);
     rig.read(1, 0, 0x0101, 1);
     rig.commanded(plc(1), STOP);

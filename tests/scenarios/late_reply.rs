@@ -12,7 +12,7 @@ fn late(per_mille: u16, drives: u8, seed: u64) -> Rig {
     Rig::new(&RigOptions { drives, bus, seed, ..RigOptions::default() })
 }
 
-/// Clients that never pause read proof words, whose value says which exchange asked for them.
+/// Clients that never pause read proof words, whose value identifies the exchange that requested them.
 fn walk(rig: &mut Rig, drives: u16, late_replies: u64) -> u64 {
     rig.keeps_sent = false;
     for asker in 0..4 {
@@ -47,7 +47,7 @@ fn late_replies_answer_nothing_else() {
 #[test]
 fn a_late_reply_to_a_short_probe_is_waited_for_as_long_as_any_other() {
     for seed in 0..8 {
-        // So much comes late that the stations are mostly probed.
+        // So many replies are late that the stations are mostly probed.
         let mut rig = late(800, 2, seed);
         walk(&mut rig, 2, 5_000);
     }

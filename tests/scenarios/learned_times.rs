@@ -1,4 +1,4 @@
-//! How long a reply is waited for is learned, and a late one is never mistaken whatever was waited for.
+//! Reply time-outs are learned, and a late reply is never mistaken whatever the time-out was.
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, control, run};
 use std::time::Duration;
@@ -11,7 +11,7 @@ use vfd_gateway::gateway::Input;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 const CAP: Duration = Duration::from_millis(200);
-/// Nothing is known of the work of an N700: 10 ms are assumed, and 20 ms are the adapter's.
+/// The processing time of an N700 is unknown: 10 ms are assumed, and 20 ms are the adapter's.
 const FLOOR: Duration = Duration::from_millis(30);
 
 fn options(drives: u8, bus: BusOptions) -> RigOptions {
@@ -69,7 +69,7 @@ fn a_drive_that_becomes_slower_is_learned_and_not_given_up() {
     assert_eq!(rig.core.counters().garbled, 0);
 }
 
-/// A drive that is silent once is waited for in full before it counts as gone.
+/// A drive that is silent once gets the full time-out before it counts as offline.
 #[test]
 fn a_slow_drive_whose_late_replies_are_never_seen_is_not_taken_for_dead() {
     let mut rig = learned(1, BusOptions::default());
@@ -82,7 +82,7 @@ fn a_slow_drive_whose_late_replies_are_never_seen_is_not_taken_for_dead() {
 #[test]
 fn late_replies_are_not_mistaken_where_waits_are_learned() {
     for seed in 0..6 {
-        // Late replies come after the learned wait, and up to the full one and the lateness later.
+        // Late replies arrive after the learned time-out, up to the full one plus the lateness.
         let faults: FaultPlan = "late=200,timeout-ms=35,lateness-ms=660".parse().unwrap();
         let bus = BusOptions { faults, ..BusOptions::default() };
         let mut rig = Rig::new(&RigOptions { seed, poll: Duration::from_secs(3600), ..options(3, bus) });
@@ -115,7 +115,7 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
     }
 }
 
-/// The echo of a stop that may be that of an earlier one: its own may come as late as that of any other request.
+/// The echo of a stop that may be that of an earlier one: its own may be as late as that of any other request.
 #[test]
 fn after_an_echo_in_doubt_the_right_one_is_reckoned_with_as_long_as_any() {
     let cap = Duration::from_secs(2);
@@ -171,7 +171,7 @@ fn a_stop_does_not_wait_for_a_drive_that_is_dead() {
         }
         let request = Duration::from_micros(8 * 1_042);
         let silence = Duration::from_nanos(4_687_500);
-        // It may be that nothing is heard before all of the reply has come.
+        // It may be that nothing is received before the whole reply has arrived.
         let reply = Duration::from_micros((5 + 2 * words) * 1_042);
         let bound = (asked + request + reads(&rig, 0).max + reply + silence).max(commanded + silence);
         assert!(rig.now <= bound, "{lead_us} us: {:?} after the request", rig.now.since(asked));
@@ -188,7 +188,7 @@ fn a_stop_that_ends_a_wait_goes_before_that_of_the_drive_that_was_waited_for() {
     while rig.sent.last().is_none_or(|sent| sent.frame[0] != 1) {
         rig.step(now + Duration::from_secs(5));
     }
-    // Longer than any reply has taken, and shorter than it is waited for.
+    // Longer than any reply has taken, and shorter than the time-out.
     rig.pass(Duration::from_millis(28));
     assert_eq!(rig.sent.last().unwrap().frame[0], 1);
     rig.sent.clear();

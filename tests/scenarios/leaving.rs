@@ -1,4 +1,4 @@
-//! A drive leaves the configuration: nobody commands it any more, and it is stopped first if that is wanted.
+//! A drive is removed from the configuration: it takes no more commands, and is stopped first if requested.
 
 use crate::support::{MQTT, Rig, RigOptions, STOP, plc, run};
 use std::time::Duration;

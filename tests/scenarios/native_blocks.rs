@@ -62,7 +62,7 @@ fn a_stop_in_a_block_goes_alone_and_before_all() {
         rig.pass(Duration::from_secs(2));
         assert!(rig.output(1) > 0, "{id}");
         rig.sent.clear();
-        // A setpoint that nobody may give holds no stop up either.
+        // A setpoint that is not allowed does not hold up a stop either.
         assert_eq!(write(&mut rig, *address, &[*stop, 9000]), NativeOutcome::Written, "{id}");
         rig.pass(Duration::from_secs(8));
         assert_eq!(rig.writes(), [single(*address, *stop)], "{id}");

@@ -1,4 +1,4 @@
-//! On a bad line every request still ends once, with the drive's own words or with the truth that there are none.
+//! On a bad line every request still ends once, with the drive's own words or with a report that there are none.
 
 use crate::support::{PROOF, Rig, RigOptions};
 use std::time::Duration;
@@ -34,7 +34,7 @@ fn every_fault_at_once_mixes_nothing_up() {
         });
         assert!(asked - ended <= 6);
         assert!(right * 10 > ended * 8, "most still get their words: {right} of {ended}");
-        // A reply that starts late, in the very moment in which we start, is the one thing nobody can foresee.
+        // A late reply that starts at the very moment in which we start cannot be foreseen.
         let report = rig.bus.report();
         assert!(report.gaps_too_short <= report.replies_late / 10, "{}", report.gaps_too_short);
         assert!(report.talked_over <= report.replies_late / 10, "{}", report.talked_over);

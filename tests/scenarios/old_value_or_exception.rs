@@ -1,5 +1,5 @@
-//! A drive that says no says it in its vendor's way, and the commander is told how: with the value that the drive kept,
-//! or with its exception code.
+//! A drive refuses in its vendor's way, and that is reported to the client: with the value that the drive kept, or with
+//! its exception code.
 
 use crate::support::families::{accepting, quiet, rig_of, single, stopped, write};
 use crate::support::{MQTT, Rig, model, run, setpoint};
@@ -14,7 +14,7 @@ use vfd_gateway::wire::rtu;
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// How a drive says no.
+/// How a drive refuses.
 #[derive(Clone, Copy)]
 enum No {
     KeepsOldValue,
@@ -68,7 +68,7 @@ fn native_of(no: No, held: u16) -> NativeOutcome {
     }
 }
 
-/// Commands, and returns all of the last word.
+/// Commands, and returns the whole final report.
 fn told(rig: &mut Rig, order: vfd_gateway::domain::command::Order) -> Report {
     let ticket = rig.command(MQTT, 0, order);
     rig.outcome_of(ticket);
@@ -135,7 +135,7 @@ fn every_code_of_a_vendor_is_passed_on_as_it_is() {
         for code in *codes {
             assert!(known.contains(code), "{id}: {code:02X}");
             let mut rig = quiet(id, accepting());
-            // What the drive answers is told by hand.
+            // The drive's answer is supplied by the test.
             let now = rig.now;
             rig.bus.set_powered(now, Station(1), false);
             let ticket = rig.command(MQTT, 0, setpoint(2000));

@@ -1,4 +1,4 @@
-//! One commander at a time: others are refused, control is handed over or ends, and a stop is everybody's.
+//! One owner at a time: others are refused, control is handed over or ends, and any client may stop.
 
 use crate::support::families::{accepting, models, rig_of};
 use crate::support::{MQTT, Rig, STOP, plc, run, setpoint};
@@ -53,7 +53,7 @@ fn control_that_is_taken_over_changes_nothing_on_the_drive() {
         assert_eq!(rig.commanded(MQTT, setpoint(4000)), (Outcome::Refused, Reason::OtherOwner));
         assert!(rig.output(1) >= output, "{}", model.id);
         assert_ne!(rig.commanded(plc(1), setpoint(2000)).0, Outcome::Refused, "{}", model.id);
-        // The one before gives signs of life, and those are no longer worth anything.
+        // The former owner sends heartbeats, which no longer count.
         rig.live(SECOND * 40);
         assert_eq!((rig.output(1), owner(&rig)), (0, None), "{}: the taker fell silent", model.id);
         let lost =

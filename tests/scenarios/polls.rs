@@ -1,4 +1,4 @@
-//! Polls: what is read along, what a drive that refuses that costs, and that nothing on a full line starves.
+//! Polls: what is read along, the cost of a drive that refuses that, and that nothing starves on a full line.
 
 use crate::support::{PROOF, Rig, RigOptions, model};
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ fn is_read(rig: &Rig, pdu: [u8; 5]) -> usize {
     rig.sent.iter().filter(|sent| sent.pdu == pdu).count()
 }
 
-/// In place of the drive one that does not know the registers in the hole.
+/// Replaces the drive by one that does not have the registers in the hole.
 fn knows_no_hole(rig: &mut Rig, bad_request: BadRequest) {
     let mut model = Model::clone(&frecon());
     model.registers.retain(|register| !(0x3018..=0x301A).contains(&register.address.number()));
@@ -64,7 +64,7 @@ fn a_drive_that_refuses_a_read_over_a_hole_is_read_group_by_group() {
         }
         let age = rig.now.since(rig.view(0).snapshot.reading(0x301B).expect("it is read").at);
         assert!(age <= 5 * SECOND, "{bad_request:?}: {age:?}");
-        // Another drive may hang there when reopening the port.
+        // After the port is reopened, there may be another drive.
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.sent.clear();
@@ -146,7 +146,7 @@ fn polls_keep_their_turn_whatever_clients_ask() {
         }
     }
     assert!(ages[&0x0101] <= 2 * SECOND && ages[&0x0112] <= 2 * SECOND, "{ages:?}");
-    // A slow one goes before everything that clients ask once it has waited for a whole period.
+    // A slow one precedes all client requests once it has waited for a whole period.
     assert!(ages[&0x0201] <= 9 * SECOND && ages[&0x0211] <= 9 * SECOND, "{ages:?}");
 }
 
@@ -178,7 +178,7 @@ fn a_client_that_floods_takes_no_more_than_its_share() {
     let mean = words.values().sum::<u32>() / 20;
     let modest = words.iter().filter(|(asker, _)| asker.0 != FLOODER).map(|(_, right)| *right).min().unwrap();
     assert!(words.len() == 20 && f64::from(modest) >= 0.8 * f64::from(mean), "{words:?}");
-    // It may ride along on what others have asked for, and has no turn more than they.
+    // It may share the exchanges of others, and gets no more turns than they.
     assert!(f64::from(words[&AskerId(FLOODER)]) <= 1.5 * f64::from(mean), "{words:?}");
 }
 
@@ -202,7 +202,7 @@ fn a_line_that_comes_back_knows_all_its_drives_again_soon() {
     assert!(fast <= 3 * SECOND, "{fast:?}");
 }
 
-/// The process was suspended while the reply was on its way: what it shows is as old as the reply, not as the process.
+/// The process was suspended while the reply was under way: its values are as old as the reply, not as the resumption.
 #[test]
 fn a_reading_that_waited_for_a_suspended_process_is_not_fresh() {
     let mut rig = polled(BadRequest::AsDocumented);

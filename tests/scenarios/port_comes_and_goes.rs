@@ -9,12 +9,12 @@ use vfd_gateway::gateway::Input;
 
 const CYCLES: u64 = 10_000;
 
-/// Everything that the core holds, as far as it can be printed, without the numbers in it.
+/// The debug output of the core, without the numbers in it.
 fn size_of_core(rig: &Rig) -> usize {
     format!("{:?}", rig.core).chars().filter(|c| !c.is_ascii_digit()).count()
 }
 
-/// Lets `rig` come to rest: nothing is asked, nothing is owed.
+/// Lets `rig` come to rest: no open requests, no outstanding replies.
 fn rest(rig: &mut Rig) {
     rig.pass(Duration::from_secs(20));
     rig.reports.clear();
@@ -23,7 +23,7 @@ fn rest(rig: &mut Rig) {
 
 #[test]
 fn ten_thousand_times_out_and_in_leave_no_queue_and_no_miscount() {
-    // Polls of an hour, so that a moment of rest is one.
+    // Polls every hour, so that there are moments of rest.
     let options = RigOptions { drives: 2, poll: Duration::from_secs(3600), ..RigOptions::default() };
     let mut rig = Rig::new(&options);
     rig.keeps_sent = false;

@@ -1,5 +1,5 @@
-//! What an order rests on is read first: a wrong setting refuses it, another drive is read-only, a wired function is not
-//! ordered, and a stop waits for none of that.
+//! The preconditions of an order are read first: a wrong setting refuses it, another drive is read-only, a wired
+//! function is not ordered, and a stop waits for none of that.
 
 use crate::support::families::{accepting, model_with, rig_of};
 use crate::support::{MQTT, Rig, STOP, run, setpoint};

@@ -1,5 +1,5 @@
-//! Whom the motor obeys is changed at standstill and on purpose only: control is handed back where that is allowed, and
-//! the sources are set by whoever sits at the gateway.
+//! Whom the motor obeys is changed only at standstill and on purpose: control is released where that is allowed, and
+//! the sources are set through the local socket.
 
 use crate::support::families::{LOCAL, accepting, address_of, models, rig_of, single};
 use crate::support::{MQTT, Rig, STOP, model, plc, run, setpoint};
@@ -11,7 +11,7 @@ use vfd_gateway::drive::view::RunState;
 use vfd_gateway::profile::model::Role;
 
 const SECOND: Duration = Duration::from_secs(1);
-/// Those whose words can take control and give it back.
+/// Models whose words can take control and give it back.
 const RELEASING: [&str; 2] = ["toshiba-vf-as1", "toshiba-vf-s15"];
 const COMMAND: u16 = 0xFA00;
 
@@ -29,7 +29,7 @@ fn rig(id: &str, control: ControlSettings) -> Rig {
     rig_of(&model(id), control)
 }
 
-/// A drive that was run from here and stands still again.
+/// A drive that was run from here and is at standstill again.
 fn at_rest(id: &str) -> Rig {
     let mut rig = rig(id, accepting());
     assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(2000))).0, Outcome::Confirmed, "{id}");
@@ -89,7 +89,7 @@ fn a_release_ends_the_lease_and_inhibits_the_start() {
         let mut rig = rig(id, accepting());
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(SECOND * 3);
-        // A trip leaves the lease with its owner although the motor stands still.
+        // A trip leaves the lease with its owner although the motor is at standstill.
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 3);
         rig.live(SECOND * 3);
@@ -153,7 +153,7 @@ fn what_a_drive_needs_is_set_from_the_gateways_own_side_and_read_back() {
             rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*address).into(), word ^ 1);
         }
         rig.sent.clear();
-        // In whatever order they are named.
+        // In any order of the names.
         let addresses: Vec<_> = items.iter().rev().map(|(address, _)| (*address).into()).collect();
         assert_eq!(rig.commanded(LOCAL, Order::Setup(addresses)), (Outcome::Confirmed, Reason::None), "{id}");
         let expected: Vec<_> = items.iter().map(|(address, word)| single(*address, *word)).collect();

@@ -1,5 +1,5 @@
-//! A reset clears a trip and nothing else: it goes only where one may be, word by word as the vendor says, is never
-//! left standing, carries no order to run, and is told as what the drive shows of it.
+//! A reset clears a trip and nothing else: it is sent only where there may be a trip, word by word as the vendor
+//! specifies, is never left in the register, carries no order to run, and is reported as the drive shows it.
 
 use crate::support::families::{accepting, models, options_of, rig_of};
 use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
@@ -27,13 +27,13 @@ struct Way {
     at: u16,
     stop: u16,
     reset: u16,
-    /// What goes over the line for a reset that nothing disturbs.
+    /// The frames of an undisturbed reset.
     words: &'static [u16],
     /// Bits of words that order the motor to run.
     run_bits: u16,
     /// A status word shows whether a trip holds.
     shows_trips: bool,
-    /// The drive hears nothing for 2 s afterwards.
+    /// The drive is deaf for 2 s afterwards.
     deaf: bool,
 }
 
@@ -43,7 +43,7 @@ const WAYS: &[Way] = &[
     Way { id: "teco-e510", at: 0x2501, reset: 8, words: &[0, 8, 0], run_bits: 0b0011, shows_trips: true, ..NUMBERS },
     Way { id: "teco-e510s", at: 0x2501, reset: 8, words: &[0, 8, 0], run_bits: 0b0011, shows_trips: true, ..NUMBERS },
     Way { id: "frecon-fr500a", at: 0x2000, stop: 5, reset: 7, words: &[5, 7], shows_trips: true, ..NUMBERS },
-    // The drive is deaf to the stop behind the reset word, so that goes once more.
+    // The drive is deaf to the stop after the reset word, so that is sent again.
     Way { id: "toshiba-vf-as1", ..BITS },
     Way { id: "toshiba-vf-s15", ..BITS },
 ];
@@ -90,7 +90,7 @@ fn reset_up_to(rig: &mut Rig, way: &Way, count: usize) -> Ticket {
     ticket
 }
 
-/// Lets time pass while the owner of the drive lives, until a command has its last word.
+/// Lets time pass while the owner of the drive sends heartbeats, until a command has its final outcome.
 fn settled(rig: &mut Rig, ticket: Ticket) -> (Outcome, Reason) {
     for _ in 0..200 {
         if let Some((outcome, reason, true)) = rig.told(ticket).last() {
@@ -101,7 +101,7 @@ fn settled(rig: &mut Rig, ticket: Ticket) -> (Outcome, Reason) {
     panic!("no outcome within 20 s: {:?}", rig.told(ticket));
 }
 
-/// When a word went to the run command of the first drive first.
+/// When `word` was first sent to the run command of the first drive.
 fn sent_at(rig: &Rig, way: &Way, word: u16) -> MonoTime {
     let pdu = crate::support::families::single(way.at, word);
     rig.sent.iter().find(|sent| sent.frame[0] == 1 && sent.pdu == pdu).expect("it was sent").at
@@ -320,7 +320,7 @@ fn a_drive_that_is_deaf_after_a_reset_is_left_alone_and_others_are_not_held_up()
 fn a_gateway_that_ends_leaves_no_reset_standing() {
     for way in WAYS {
         let mut rig = tripped(way, 1);
-        // Nobody holds control any more, so that nothing is declared for the end.
+        // There is no owner any more, so no action is declared for the shutdown.
         rig.pass(SECOND * 10);
         assert!(rig.view(0).control.unwrap().lease.is_none(), "{}", way.id);
         rig.sent.clear();
@@ -349,7 +349,7 @@ fn after_a_reset_a_fresh_order_is_needed() {
         assert!(rig.view(0).control.unwrap().start_inhibited, "{}", way.id);
         rig.pass(SECOND * 5);
         rig.sent.clear();
-        // A controller that goes on writing its word for run has not seen that the drive tripped.
+        // A controller that keeps writing its word for run has not seen that the drive tripped.
         for _ in 0..5 {
             let told = rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
             assert_eq!(told, (Outcome::Refused, Reason::StartInhibited), "{}", way.id);
@@ -385,7 +385,7 @@ fn a_cyclic_reset_acts_once() {
 fn a_controller_that_holds_its_order_to_reset_resets_once() {
     for way in WAYS.iter().filter(|way| way.shows_trips) {
         let mut rig = tripped(way, 1);
-        // Whoever started the motor holds it no longer.
+        // The client that started the motor is no longer its owner.
         rig.pass(SECOND * 5);
         assert_eq!(rig.commanded(plc(1), Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
         for _ in 0..5 {
@@ -399,7 +399,8 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
             rig.pass(SECOND);
         }
         assert!(is_tripped(&rig) && rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
-        // One that was taken back or came no more for as long as a lease lasts resets anew, and so does somebody else's.
+        // A reset word that was withdrawn, or not repeated for the length of a lease, resets again; so does that of
+        // another client.
         for (by, over) in [(1, Some(Order::EndReset)), (1, Some(STOP)), (2, None), (1, None)] {
             match over {
                 Some(order) => drop(rig.commanded(plc(by), order)),
@@ -414,7 +415,7 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
     }
 }
 
-/// What the journal would hand to the next life.
+/// What the journal would pass to the next start.
 fn remembered(rig: &Rig) -> Remembered {
     let mut memory = Remembered::default();
     rig.entries().into_iter().for_each(|entry| memory.take(entry));
@@ -455,7 +456,7 @@ fn the_next_life_takes_back_the_word_that_resets_wherever_the_last_one_was_kille
             }
             assert!(taken_back.iter().all(|word| *word == way.stop), "{} {count}: {taken_back:02X?}", way.id);
             let may_stand = way.words[count - 1] == way.reset;
-            // A drive that starts anew with its reset has forgotten the word; one that shows it is asked first.
+            // A drive that restarts with its reset has forgotten the word; one that shows it is read first.
             let shown = reads(&mut rig, way.at);
             assert!(!may_stand || shown.is_some() || !taken_back.is_empty(), "{} {count}", way.id);
             if stands.is_some_and(|word| word != way.reset) {
@@ -483,7 +484,7 @@ fn a_reset_that_an_unplugged_line_has_cut_off_is_taken_back_when_that_is_back() 
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.settle();
         rig.pass(SECOND * 15);
-        // A drive that starts anew with its reset has forgotten the word, and one that shows that is not written to.
+        // A drive that restarts with its reset has forgotten the word; if it shows that, it is not written to.
         let is_shown = reads(&mut rig, way.at).is_some();
         assert_eq!(rig.written(way.at), if is_shown { vec![] } else { vec![way.stop] }, "{}", way.id);
         assert!(!remembered(&rig).reset, "{}", way.id);

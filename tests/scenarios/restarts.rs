@@ -18,7 +18,7 @@ fn stopped() -> Remembered {
     Remembered { stop: Some(RememberedStop { coast: false }), ..Remembered::default() }
 }
 
-/// A drive that runs by an order of an earlier life.
+/// A drive that runs by an order from before the restart.
 fn running_with(on_commander_lost: FailSafe) -> Rig {
     let settings = ControlSettings { on_commander_lost, ..control() };
     let mut rig = Rig::new(&RigOptions { keeps: true, control: Some(settings), ..RigOptions::controlled() });
@@ -89,7 +89,7 @@ fn in_a_crash_loop_the_declared_action_runs_at_once() {
     rig.restart(leased(true));
     rig.pass(Duration::from_millis(1_200));
     assert_eq!((rig.written(RUN), failsafes(&rig)), (vec![0], vec![Cause::CrashLoop]));
-    // An owner that is back before the drive is seen has not lost it.
+    // An owner that returns before the drive is seen has not lost it.
     let mut rig = running();
     rig.restart(leased(true));
     rig.live(Duration::from_secs(5));
@@ -168,7 +168,7 @@ fn a_trip_whose_row_was_lost_is_told_once_more_and_a_kept_one_is_not() {
     }
 }
 
-/// A message may have waited in front of the gateway since before a reload stopped the drive.
+/// A message may have waited before the gateway since before a reload stopped the drive.
 #[test]
 fn a_line_that_a_reload_brings_takes_a_plain_run_after_a_while_and_that_of_a_start_at_once() {
     for (joins_late, reason) in [(true, Reason::RestartDelay), (false, Reason::None)] {
@@ -192,7 +192,8 @@ fn a_run_of_an_earlier_life_is_never_sent() {
     assert!(!rig.written(RUN).contains(&1), "{:?}", rig.written(RUN));
 }
 
-/// A remembered stop looks first, because the drive may be at standstill for long. One that is ordered now does not.
+/// A remembered stop reads the drive first, because it may be at standstill for long. A stop that is ordered now does
+/// not.
 #[test]
 fn a_stop_that_is_ordered_right_after_a_restart_waits_for_no_look() {
     let mut rig = running();

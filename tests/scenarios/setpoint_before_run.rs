@@ -1,5 +1,5 @@
-//! No drive is started at a frequency that nobody knows: it is read from the drive just before, or was accepted here
-//! and is written with the order to run.
+//! No drive is started at an unknown frequency: it is read from the drive just before, or was accepted here and is
+//! written with the order to run.
 
 use crate::support::families::{accepting, models, rig_of, single};
 use crate::support::{MQTT, Rig, STOP, model, plc, run, setpoint};
@@ -21,7 +21,7 @@ const SHOWING: &[(&str, u16, u16, u16, u16)] = &[
 ];
 const UNSURE: &str = "teco-e510s";
 
-/// Somebody else gives the drive a setpoint in hundredths of a hertz.
+/// Another party gives the drive a setpoint in hundredths of a hertz.
 fn set_elsewhere(rig: &mut Rig, frequency_command: u16, centihertz: u16) {
     let now = rig.now;
     let pdu = single(frequency_command, centihertz);

@@ -1,5 +1,5 @@
-//! Bytes that look like a reply prove nothing: noise in its shape, an echo that lost a byte, a second drive of the same
-//! number, and replies later than any that was declared. None of them shifts the answers of a line.
+//! Bytes that look like a reply prove nothing: noise in its shape, an echo that lost a byte, a second drive with the
+//! same station, and replies later than any that was declared. None of them shifts the answers of a line.
 
 use crate::support::{PROOF, Rig, RigOptions, STOP, plc};
 use std::time::Duration;
@@ -9,7 +9,7 @@ use vfd_gateway::domain::native::{NativeAsk, NativeOutcome};
 use vfd_gateway::domain::suspicion::Suspicion;
 use vfd_gateway::domain::time::MonoTime;
 
-/// What clients were answered.
+/// Answers to clients.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Walked {
     right: u32,
@@ -28,8 +28,8 @@ fn options(turnaround: Duration) -> RigOptions {
     options
 }
 
-/// Two clients that never pause read words of the first drive that tell in which exchange they were given. `on_frame` is
-/// called when a frame of ours is about to be on the wire, with its number.
+/// Two clients that never pause read words of the first drive that identify their exchange. `on_frame` is called when a
+/// frame of ours is about to be on the wire, with its number.
 fn walk(rig: &mut Rig, time: Duration, mut on_frame: impl FnMut(&mut Rig, u64)) -> Walked {
     rig.keeps_sent = false;
     let mut walked = Walked::default();
@@ -59,7 +59,7 @@ fn walk(rig: &mut Rig, time: Duration, mut on_frame: impl FnMut(&mut Rig, u64)) 
     walked
 }
 
-/// When the last character of the frame that goes out now has left.
+/// When the last character of the frame being sent has left.
 fn sent_until(rig: &Rig) -> MonoTime {
     rig.now + rig.setup.timing.on_wire(rig.sent.last().expect("a frame").frame.len())
 }
@@ -114,7 +114,7 @@ fn replies_beyond_the_longest_lateness_are_reported_learned_and_make_no_trip() {
         let walked = walk(&mut rig, Duration::from_secs(600), |rig, _| {
             was_suspected |= rig.core.report().suspicion == Some(Suspicion::LateBeyondLimit(Station(1)));
         });
-        // Until the latest was seen, one may be taken for another; never one after the other.
+        // Until the latest reply was seen, one may be mistaken; never two in a row.
         assert!(walked.wrong <= 3 && walked.right > 500, "{seed}: {walked:?}");
         assert!(was_suspected && rig.trips.is_empty(), "{seed}: {:?}", rig.trips);
     }
@@ -138,7 +138,7 @@ fn two_drives_of_one_number_make_no_trip() {
     }
 }
 
-/// A stop goes as soon as it did while such bytes ended the exchange.
+/// A stop is sent as early as when such bytes ended the exchange.
 #[test]
 fn a_stop_ends_the_wait_for_the_reply_behind_a_burst() {
     for drive in 0..2 {
@@ -153,7 +153,7 @@ fn a_stop_ends_the_wait_for_the_reply_behind_a_burst() {
         let burst = rig.setup.timing.on_wire(7) + rig.setup.timing.silence;
         let stops: Vec<_> = rig.sent.iter().filter(|sent| sent.pdu[0] == 6).map(|sent| sent.at).collect();
         assert!(stops.first().is_some_and(|at| at.since(request_end) <= burst + ms(1)), "{drive}: {stops:?}");
-        // The read's own reply comes behind the stop, and is taken for nothing else.
+        // The read's own reply arrives after the stop, and is not mistaken for anything else.
         assert_eq!(rig.answer_to(read), NativeOutcome::Words([read_proof(&rig)].into()), "{drive}");
         assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed, "{drive}");
     }

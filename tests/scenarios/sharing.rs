@@ -1,4 +1,4 @@
-//! Who asks for the same shares one exchange, and nobody pays for a dead neighbour or a busy one.
+//! Equal requests share one exchange, and no client pays for a dead or busy neighbour.
 
 use crate::support::{PROOF, Rig, RigOptions, STOP, plc, setpoint};
 use std::collections::HashMap;
@@ -8,7 +8,7 @@ use vfd_gateway::domain::ids::{AskerId, Station};
 use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::wire::pdu::MAX_READ_WORDS;
 
-/// Clients that walk over `drives` drives, each waiting for its answer; right answers per client in 60 s.
+/// Clients that read `drives` drives in turn, each waiting for its answer; right answers per client in 60 s.
 fn walks(clients: u64, drives: u16, dead: Option<u8>) -> HashMap<AskerId, u32> {
     let mut rig = Rig::new(&RigOptions { drives: drives as u8, ..RigOptions::default() });
     rig.keeps_sent = false;
@@ -119,7 +119,7 @@ fn setpoints_without_end_leave_others_a_turn_between_any_two() {
     }
     let all = rig.sent.len();
     let written = rig.written(FREQUENCY).len();
-    // Each is written and looked at, and then others have a turn: polls that have grown too old, at most three in a row.
+    // Each is written and read back, and then others have a turn: overdue polls, at most three in a row.
     assert!((all / 4..=all / 3 + 1).contains(&written), "{written} setpoints in {all} exchanges");
     assert!(reads >= all / 13, "{reads} reads in {all} exchanges");
     rig.pass(Duration::from_secs(1));

@@ -1,4 +1,4 @@
-//! A stop for every drive of a line goes to all at once where the model has a broadcast, and is confirmed one by one.
+//! A stop for every drive of a line is broadcast if the model allows it, and is confirmed one by one.
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, Sent, model, run};
 use std::time::Duration;
@@ -28,7 +28,7 @@ fn line() -> RigOptions {
     RigOptions { drives: DRIVES, ..RigOptions::controlled() }
 }
 
-/// Stops every drive in one round, as a stop for all does, and returns what went out until all are confirmed.
+/// Stops every drive in one round, as a stop for all does, and returns the frames sent until all are confirmed.
 fn stop_all(rig: &mut Rig, drives: u16) -> Vec<Sent> {
     let tickets: Vec<_> = (0..drives).map(|index| rig.command_unsettled(MQTT, index, STOP)).collect();
     rig.settle();
@@ -62,7 +62,7 @@ fn one_frame_stops_all_and_each_is_confirmed_by_its_own() {
 #[test]
 fn over_babble_too_the_drives_are_left_alone_after_the_broadcast() {
     let mut rig = running(&line());
-    // Something waits, so that the babble jams the line.
+    // A request waits, so that the babble jams the line.
     let begun = rig.now;
     rig.read(1, 0, PROOF, 1);
     while rig.now.since(begun) < Duration::from_secs(5) {

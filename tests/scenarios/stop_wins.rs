@@ -1,4 +1,4 @@
-//! STOP overtakes everything, waits for at most the exchange on the wire, and holds until it is effective.
+//! STOP overtakes everything, waits for at most the exchange on the wire, and stays in force until it is effective.
 
 use crate::support::families::{accepting, listing, models, quiet, register};
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, model, plc, run, setpoint};
@@ -155,7 +155,7 @@ fn a_controller_that_goes_on_ordering_stop_has_a_drive_stopped_that_comes_back_a
 #[test]
 fn a_late_echo_is_no_proof_of_a_stop() {
     let mut rig = running();
-    // The echo of the first stop comes after its time-out: the second one's could be it.
+    // The echo of the first stop arrives after its time-out and could be that of the second one.
     rig.bus.set_faults("late=1000".parse().unwrap());
     let ticket = rig.command(MQTT, 0, STOP);
     rig.pass(Duration::from_millis(300));
@@ -165,7 +165,7 @@ fn a_late_echo_is_no_proof_of_a_stop() {
     assert_eq!(rig.output(1), 0);
 }
 
-/// The late echo of the first stop comes while the second one goes out, as that of a line that echoes would.
+/// The late echo of the first stop arrives while the second one is sent, like that of a line that echoes.
 #[test]
 fn a_late_echo_that_looks_like_that_of_the_line_does_not_keep_a_stop_from_its_end() {
     let mut rig = running();
@@ -287,7 +287,7 @@ fn coast_cuts_the_output_off() {
     assert_eq!((rig.output(1), rig.written(RUN)), (0, vec![3]));
 }
 
-/// Nobody can stop what stands still, and a stop that hangs on would keep the drive from being set up.
+/// A motor at standstill cannot be stopped, and a pending stop would keep the drive from being set up.
 #[test]
 fn a_stop_that_a_resting_drive_refuses_is_settled() {
     let model = model("frecon-fr500a");
@@ -338,7 +338,7 @@ fn a_stop_that_is_refused_in_one_form_is_tried_in_the_other_that_the_model_decla
 #[test]
 fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_once() {
     for model in models() {
-        // It reads and does everything but the function of the stop.
+        // It serves everything except the function of the stop.
         let mut functions = model.functions.value.clone();
         functions.retain(|it| ![0x06, 0x10].contains(it));
         let mut rig = serving(&model.id, &functions);
@@ -347,7 +347,7 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
             if model.exceptions.is_empty() { Outcome::Unknown } else { Outcome::Failed }
         );
         if model.exceptions.is_empty() {
-            // Such a drive says nothing to what it does not serve: its stop stays pending.
+            // Such a drive does not answer what it does not serve: its stop stays pending.
             assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(2000))).1, Reason::StopPending, "{}", model.id);
             continue;
         }
@@ -361,7 +361,7 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
             let told = rig.commanded(by, run(Direction::Forward, Some(2000)));
             assert_eq!(told, (Outcome::Refused, Reason::StopRefused), "{}", model.id);
         }
-        // A controller that holds 0 asks again, at a bounded rate.
+        // A controller that holds 0 stops again, at a bounded rate.
         rig.sent.clear();
         for _ in 0..300 {
             rig.command(plc(1), 0, STOP);
@@ -412,7 +412,7 @@ fn a_drive_that_takes_stops_again_may_be_started() {
     assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(2000))).1, Reason::StopRefused);
     set(&mut rig, 2);
     assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
-    // Whom it obeys is read at a pace of its own.
+    // The control sources are polled at their own pace.
     let (_, reason) = rig.commanded(plc(1), run(Direction::Forward, Some(2000)));
     assert!([Reason::None, Reason::LocalControl].contains(&reason), "{reason:?}");
     assert!(rig.notes.iter().any(|(_, note)| *note == Note::EffectiveAtLast), "{:?}", rig.notes);
@@ -433,7 +433,7 @@ fn a_stop_on_an_unplugged_line_is_told_at_once_and_goes_out_when_it_is_back() {
         let (_, answer) = rig.reports.last().unwrap();
         assert!(answer.report.message().contains("pending"), "{}", answer.report.message());
         assert!(rig.view(0).control.unwrap().stop_pending, "{}", model.id);
-        // Those that come behind it are told at once too.
+        // Later ones are answered at once, too.
         let second = rig.command(plc(1), 0, STOP);
         assert_eq!(rig.told(second), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
         assert_eq!(rig.now, from);
@@ -446,7 +446,7 @@ fn a_stop_on_an_unplugged_line_is_told_at_once_and_goes_out_when_it_is_back() {
     }
 }
 
-/// What the drive acknowledged before its line was lost proves nothing: others may have started it since.
+/// What the drive acknowledged before its line was lost proves nothing: other parties may have started it since.
 #[test]
 fn a_stop_that_joins_one_on_a_lost_line_is_no_success() {
     for model in models() {

@@ -1,4 +1,4 @@
-//! Trips are seen, read with their record, told once, and end every order to run.
+//! Trips are detected, read with their record, reported once, and cancel every order to run.
 
 use crate::support::families::{accepting, models, rig_of, single};
 use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
@@ -25,7 +25,7 @@ fn running() -> Rig {
     rig
 }
 
-/// How often the drive has tripped, as it was told so far.
+/// The number of trips reported so far.
 fn told(rig: &Rig) -> u32 {
     let trips = |(_, event): &(_, TripEvent)| match event.kind {
         TripEventKind::Tripped { trips, .. } => u32::from(trips),

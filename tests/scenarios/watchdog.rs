@@ -1,5 +1,5 @@
-//! The drive's own watchdog is the last line: it is looked at, it stops the motor when the gateway falls silent, and it is
-//! not kept fed for a commander that is gone.
+//! The drive's own watchdog is the last line of defence: it is checked, it stops the motor when the gateway stops
+//! sending, and it is not fed on behalf of a lost owner.
 
 use crate::support::families::{LOCAL, accepting, models, register, rig_of, single};
 use crate::support::{MQTT, Rig, STOP, control, model, run};
@@ -18,7 +18,7 @@ const SECOND: Duration = Duration::from_secs(1);
 /// manual.
 const TIME: u16 = 0x0906;
 const REACTION: u16 = 0x0907;
-/// The word for stop, and where it goes.
+/// The word for stop, and its register.
 const RUN: u16 = 0x2501;
 
 /// Time enough between its frames and the lease.
@@ -26,7 +26,7 @@ fn settings() -> ControlSettings {
     ControlSettings { lost_after: SECOND * 12, ..accepting() }
 }
 
-/// An E510 of which a manual shows where its watchdog is on the line.
+/// An E510 whose manual gives the addresses of its watchdog.
 fn e510() -> Arc<Model> {
     let mut model = (*model("teco-e510")).clone();
     for register in model.registers.iter_mut().filter(|it| [TIME, REACTION].contains(&it.address.number())) {
@@ -36,7 +36,7 @@ fn e510() -> Arc<Model> {
     Arc::new(model)
 }
 
-/// Somebody sets a register at the drive.
+/// Sets a register at the drive itself.
 fn set(rig: &mut Rig, address: u16, word: u16) {
     let now = rig.now;
     rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, address.into(), word);
@@ -163,7 +163,7 @@ fn a_declared_stop_that_works_needs_no_watchdog() {
     assert!(!rig.notes.iter().any(|(_, note)| *note == Note::LeftToWatchdog), "{:?}", rig.notes);
 }
 
-/// The commander is lost, and no stop reaches the drive, whose polls are answered.
+/// The owner is lost, and no stop reaches the drive, whose polls are answered.
 fn stop_does_not_reach(rig: &mut Rig) {
     starts(rig);
     rig.swallows = Some(single(RUN, 0));
@@ -245,7 +245,7 @@ fn run_waits_for_it_where_it_is_required() {
     rig.live(SECOND * 5);
     assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed);
     rig.live(SECOND * 30);
-    // It comes back, perhaps from a loss of power, and is looked at before it runs.
+    // It returns, perhaps from a loss of power, and is checked before it runs.
     rig.bus.set_faults("lost=1000".parse().unwrap());
     rig.pass(SECOND * 60);
     rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);

@@ -1,4 +1,4 @@
-//! Whoever watches a line sees all that goes over it, in order, and changes nothing.
+//! A listener of a line sees all its traffic, in order, and changes nothing.
 
 use crate::support::{MQTT, Rig, RigOptions, STOP};
 use std::time::Duration;
@@ -47,7 +47,7 @@ fn all_that_goes_over_the_wire_is_told_once_and_in_order() {
         assert_eq!((&told.bytes, told.at()), (&sent.frame, sent.at));
         assert_eq!(told.end, sent.at + rig.setup.timing.on_wire(sent.frame.len()));
     }
-    // From the beginning of the scenario on; what was counted before it was told before it.
+    // From the beginning of the scenario on; earlier counts were reported before.
     let noise: usize = of(|kind| kind == TrafficKind::Noise).map(|record| record.bytes.len()).sum();
     assert_eq!(noise as u64, rig.core.counters().noise_bytes);
     let strays = of(|kind| matches!(kind, TrafficKind::Stray(_))).count();

@@ -1,5 +1,5 @@
-//! A written 0 is a STOP unless fresh facts show that the drive does not run, whoever wrote what before: by every way of
-//! writing it, however the motor was started, on every model.
+//! A written 0 is a STOP unless fresh facts show that the drive does not run, whatever was written before and by whom:
+//! for every way of writing it, however the motor was started, on every model.
 
 use crate::support::families::{accepting, address_of, models, options_of};
 use crate::support::{MQTT, ORIGIN, Rig, RigOptions, STOP, plc, run};
@@ -15,19 +15,19 @@ use vfd_gateway::profile::model::{Model, Role};
 use vfd_gateway::sim::FaultPlan;
 
 const SECOND: Duration = Duration::from_secs(1);
-/// Of a line that is polled often: a motor that was started elsewhere is seen by then.
+/// On a line that is polled often, a motor that was started elsewhere is seen by then.
 const SEEN: Duration = Duration::from_millis(800);
 
-/// Who started the motor, while a controller goes on believing that it has stopped it.
+/// What started the motor, while a controller still believes that it has stopped it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Starter {
-    /// Somebody at the panel, which has control.
+    /// An operator at the panel, which has control.
     Panel,
-    /// A terminal that was closed before control went there.
+    /// A terminal that was closed before it got control.
     Terminal,
     /// Another master writes the run command over the bus.
     OtherMaster,
-    /// Another commander of this gateway.
+    /// Another client of this gateway.
     OtherOwner,
     /// The drive itself, after its power was away.
     Itself,
@@ -40,7 +40,7 @@ fn both(centihertz: u16) -> Order {
     Order::Stop { setpoint: Some(Hertz::from_centihertz(centihertz)) }
 }
 
-/// A drive that the controller has stopped, and that stands still.
+/// A drive that the controller has stopped and that is at standstill.
 fn stopped(model: &Arc<Model>) -> Rig {
     let options = RigOptions { poll: Duration::from_millis(200), ..options_of(model, accepting()) };
     let mut rig = Rig::new(&options);
@@ -121,7 +121,7 @@ fn start(rig: &mut Rig, model: &Model, starter: Starter) {
     }
 }
 
-/// A drive whose words take control has to be given back before panel or terminals command it.
+/// A drive whose words take control must be released before panel or terminals can command it.
 fn release_priority(rig: &mut Rig, model: &Model) {
     if let Some(release) = model.run.as_ref().and_then(|run| run.release.as_ref()) {
         let at = address_of(model, Role::RunCommand).to_be_bytes();
@@ -161,7 +161,7 @@ fn a_written_zero_stops_a_motor_that_was_started_elsewhere() {
                 assert!(rig.written(setpoint).is_empty(), "{what}");
                 let owner = rig.view(0).control.unwrap().lease.map(|(owner, _)| owner);
                 assert_eq!(owner, None, "{what}: a stop opens no lease");
-                // A drive that obeys its panel takes no stop from the bus: that is told, and never as a success.
+                // A drive that obeys its panel accepts no stop from the bus: that is reported, and never as a success.
                 let obeys = !rig.bus.drive(Station(1)).unwrap().is_local();
                 assert_eq!(
                     (outcome == Outcome::Confirmed, sent == 1),
@@ -196,7 +196,7 @@ fn a_zero_in_the_native_run_command_is_one_too() {
     }
 }
 
-/// It was answered from memory, and what was remembered is older than the start.
+/// It was answered from a view that is older than the start.
 #[test]
 fn a_single_zero_between_two_polls_stops_a_motor_that_had_just_been_started() {
     for model in models() {
@@ -212,7 +212,7 @@ fn a_single_zero_between_two_polls_stops_a_motor_that_had_just_been_started() {
     }
 }
 
-/// The drive is out of sight before it has shown that the stop was needed: it stays in force for as long as one that waits
+/// The drive goes offline before it has shown that the stop was needed: it stays in force for as long as one that waits
 /// for an absent drive.
 #[test]
 fn a_zero_that_was_answered_before_the_drive_was_lost_stops_it_when_it_is_back() {
@@ -260,8 +260,8 @@ fn a_setpoint_beside_a_stop_is_never_taken_and_goes_beside_run() {
     }
 }
 
-/// A controller that writes 0 in every cycle holds the drive stopped against everybody, at the cost of a few frames for
-/// each start, and people are told who does it.
+/// A controller that writes 0 in every cycle holds the drive stopped against all others, at the cost of a few frames
+/// for each start, and the log names it.
 #[test]
 fn a_controller_that_writes_zero_in_every_cycle_holds_the_drive_stopped() {
     for model in models() {
@@ -311,7 +311,8 @@ fn a_start_into_the_ramp_of_a_stop_is_seen() {
     }
 }
 
-/// A ramp does not bear out a stop that was answered from memory: a motor that was started the other way falls as well.
+/// A ramp does not confirm a stop that was answered from memory: the output of a motor that was started the other way
+/// falls as well.
 #[test]
 fn a_start_into_the_ramp_ends_at_the_stop_that_was_answered_there() {
     for model in models() {
@@ -373,7 +374,7 @@ fn two_controllers_that_write_zero_do_not_flood_the_line() {
     }
 }
 
-/// The drive is there, and no reply of it is sound: what was read before says nothing any more.
+/// The drive is present, but none of its replies is sound: earlier values prove nothing any more.
 #[test]
 fn a_zero_goes_out_and_nothing_is_set_up_by_values_that_have_grown_stale() {
     for model in models() {

@@ -1,4 +1,4 @@
-//! Rigs of any built-in drive, and native requests that are waited for.
+//! Rigs of any built-in drive, and native requests with their answers.
 
 use super::{ORIGIN, Rig, RigOptions, STOP, catalog, control, model};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::profile::model::{Model, Role};
 
-/// Whoever may open the gateway's own socket.
+/// A tool at the gateway's own socket.
 pub const LOCAL: Origin = Origin { owner: Owner::Local, ..super::MQTT };
 
 /// All built-in models, in the order of their names.
@@ -35,7 +35,7 @@ pub fn listing(native_write: Vec<u16>) -> ControlSettings {
     ControlSettings { native_write, ..accepting() }
 }
 
-/// One drive of `model` on a line as its vendor delivers it, polled every 500 ms.
+/// One drive of `model` with factory settings of its line, polled every 500 ms.
 pub fn options_of(model: &Arc<Model>, control: ControlSettings) -> RigOptions {
     RigOptions {
         model: Arc::clone(model),
@@ -52,13 +52,13 @@ pub fn rig_of(model: &Arc<Model>, control: ControlSettings) -> Rig {
     Rig::new(&options_of(model, control))
 }
 
-/// A rig of the model called `id` that is not polled: what goes over the line was asked for.
+/// A rig of the model called `id` without polls: everything on the line was requested.
 pub fn quiet(id: &str, control: ControlSettings) -> Rig {
     let poll = RigOptions::default().poll;
     Rig::new(&RigOptions { poll, ..options_of(&model(id), control) })
 }
 
-/// A rig of the model called `id` that was stopped by the client of native requests, so that it may start it.
+/// A rig of the model called `id` that the client of native requests has stopped, so that it may start it.
 pub fn stopped(id: &str, control: ControlSettings) -> Rig {
     let mut rig = rig_of(&model(id), control);
     assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Confirmed, Reason::None), "{id}");

@@ -1,4 +1,4 @@
-//! What scenarios share: a rig of one line with simulated drives under a virtual clock, and configurations.
+//! Shared by scenarios: a rig of one line with simulated drives under a virtual clock, and configurations.
 
 pub mod families;
 
@@ -39,7 +39,7 @@ pub const ORIGIN: Origin = Origin {
     manner: Manner::Cyclic,
 };
 
-/// Whoever publishes to the command topics.
+/// A client that publishes to the command topics.
 pub const MQTT: Origin =
     Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
 
@@ -102,17 +102,17 @@ pub struct RigOptions {
     pub bus: BusOptions,
     /// Period of the fast polls.
     pub poll: Duration,
-    /// Reply time-out of every drive, or the longest one where it is learned.
+    /// Reply time-out of every drive, or the longest one if it is learned.
     pub reply_timeout: Duration,
-    /// Whether shorter time-outs follow from what was seen.
+    /// Whether time-outs are shortened by what was seen.
     pub learns: bool,
     /// Seed of the faults.
     pub seed: u64,
     /// What the line does with an echo of its own bytes.
     pub echo: EchoPolicy,
-    /// The adapter hears itself from the start.
+    /// Whether the adapter receives its own bytes from the start.
     pub echoes: bool,
-    /// Keep what goes over the wire in `traffic`.
+    /// Keep the traffic of the wire in `traffic`.
     pub tells_traffic: bool,
     /// What may be commanded of every drive.
     pub control: Option<ControlSettings>,
@@ -120,7 +120,7 @@ pub struct RigOptions {
     pub keeps: bool,
     /// What every drive is.
     pub model: Arc<Model>,
-    /// What every drive really is, if its model says otherwise.
+    /// The actual model of every drive, if it differs.
     pub really: Option<Arc<Model>>,
     /// What every drive does with a request that it cannot serve.
     pub bad_request: BadRequest,
@@ -157,7 +157,7 @@ impl RigOptions {
     }
 }
 
-/// A bus without character times is no serial port.
+/// A bus without character times is not a serial port.
 fn port_kind(options: &RigOptions) -> PortKind {
     match options.bus.pacing {
         Pacing::CharacterTimes => PortKind::Serial,
@@ -171,7 +171,7 @@ impl Default for RigOptions {
             drives: 1,
             link: LinkSettings::DEFAULT,
             bus: BusOptions::default(),
-            // Out of the way unless a scenario asks for polls.
+            // No polls unless a scenario requests them.
             poll: Duration::from_secs(3600),
             reply_timeout: Duration::from_millis(200),
             learns: false,
@@ -193,7 +193,7 @@ impl Default for RigOptions {
 #[derive(Clone, Debug)]
 pub struct Sent {
     pub at: MonoTime,
-    /// As it stood on the wire.
+    /// Its bytes on the wire.
     pub frame: Vec<u8>,
     pub pdu: Vec<u8>,
     /// The number that the words of its right reply carry.
@@ -208,20 +208,20 @@ pub struct Rig {
     pub now: MonoTime,
     pub answers: Vec<(MonoTime, NativeAnswer)>,
     pub traffic: Vec<TrafficRecord>,
-    /// What commanders were told.
+    /// Reports to clients.
     pub reports: Vec<(MonoTime, CommandAnswer)>,
     /// Trips and their clearings.
     pub trips: Vec<(MonoTime, TripEvent)>,
-    /// What people were told.
+    /// Notes about drives.
     pub notes: Vec<(MonoTime, Note)>,
-    /// What people were told about the line.
+    /// Notes about the line.
     pub line_notes: Vec<(MonoTime, LineNote)>,
-    /// When the core wanted the port opened anew, and why.
+    /// When the core wanted the port reopened, and why.
     pub reopens: Vec<(MonoTime, LineFault)>,
     /// What the line wants kept.
     pub kept: Vec<Keep>,
     pub sent: Vec<Sent>,
-    /// The number that the words of the exchange carry in which the newest answers were given, each with its ticket.
+    /// The proof numbers of the exchanges that gave the newest answers, by ticket.
     proofs: Vec<(Ticket, u16)>,
     /// Keep every frame in `sent`, not just the last one.
     pub keeps_sent: bool,
@@ -230,7 +230,7 @@ pub struct Rig {
     /// Frames with this PDU reach no drive.
     pub swallows: Option<Vec<u8>>,
     framing: Framing,
-    /// What is sent comes back at once, as from an adapter that hears itself.
+    /// Sent bytes come back at once, as from an adapter that receives its own bytes.
     pub echoes: bool,
     last_ticket: u64,
     open: HashMap<u64, AskerId>,
@@ -301,7 +301,7 @@ impl Rig {
         rig
     }
 
-    /// Asks for `count` words from `address` of the drive at `index`, with 5 s of patience.
+    /// Reads `count` words from `address` of the drive at `index`, with a deadline of 5 s.
     pub fn read(&mut self, asker: u64, index: u16, address: u16, count: u16) -> Ticket {
         self.ask(asker, index, NativeAsk::Read { address: address.into(), count })
     }
@@ -318,12 +318,12 @@ impl Rig {
         ticket
     }
 
-    /// Commands the drive at `index`, with a second until its first frame.
+    /// Commands the drive at `index`; the first frame must be sent within a second.
     pub fn command(&mut self, origin: Origin, index: u16, order: Order) -> Ticket {
         self.command_with(origin, index, order, |_| {})
     }
 
-    /// The same, changed by `change` before it is given.
+    /// The same, modified by `change` before it is sent.
     pub fn command_with(
         &mut self,
         origin: Origin,
@@ -336,7 +336,7 @@ impl Rig {
         ticket
     }
 
-    /// Commands and lets nothing be decided yet: more may come in the same round.
+    /// Commands without letting the core decide yet: more may follow in the same round.
     pub fn command_unsettled(&mut self, origin: Origin, index: u16, order: Order) -> Ticket {
         self.give(origin, index, order, |_| {})
     }
@@ -359,13 +359,13 @@ impl Rig {
         ticket
     }
 
-    /// What was told about a command so far: outcome, reason, and whether it was the last word.
+    /// The reports on a command so far: outcome, reason, and whether it was final.
     pub fn told(&self, ticket: Ticket) -> Vec<(Outcome, Reason, bool)> {
         let of_ticket = self.reports.iter().filter(|(_, answer)| answer.ticket == ticket);
         of_ticket.map(|(_, answer)| (answer.report.outcome, answer.report.reason, answer.is_final)).collect()
     }
 
-    /// Lets time pass until a command has its last word, at most 20 s, and returns that.
+    /// Lets time pass until a command has its final outcome, at most 20 s, and returns that.
     pub fn outcome_of(&mut self, ticket: Ticket) -> (Outcome, Reason) {
         let limit = self.now + Duration::from_secs(20);
         loop {
@@ -376,13 +376,13 @@ impl Rig {
         }
     }
 
-    /// Commands and waits for the last word.
+    /// Commands and waits for the final outcome.
     pub fn commanded(&mut self, origin: Origin, order: Order) -> (Outcome, Reason) {
         let ticket = self.command(origin, 0, order);
         self.outcome_of(ticket)
     }
 
-    /// Lets `time` pass while the MQTT side gives a sign of life every second.
+    /// Lets `time` pass while the MQTT side sends a heartbeat every second.
     pub fn live(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {
@@ -399,7 +399,7 @@ impl Rig {
         self.settle();
     }
 
-    /// The gateway is killed and starts anew at once. All that it still knows of each drive is `remembered`.
+    /// Kills the gateway and starts it again at once. It knows only `remembered` of each drive.
     pub fn restart(&mut self, remembered: Remembered) {
         self.setup.first_epoch += 1_000;
         self.setup.asked_before = true;
@@ -413,12 +413,12 @@ impl Rig {
         self.settle();
     }
 
-    /// What the line wants kept beside comings and goings, in words that tests compare.
+    /// What the line wants kept, except changes of availability.
     pub fn entries(&self) -> Vec<&Entry> {
         self.kept.iter().map(|keep| &keep.entry).filter(|it| !matches!(it, Entry::Presence(_))).collect()
     }
 
-    /// Everything that was to be kept so far is kept.
+    /// Confirms that everything so far is kept.
     pub fn all_is_kept(&mut self) {
         if let Some(newest) = self.kept.last() {
             let row = newest.row;
@@ -437,7 +437,7 @@ impl Rig {
         self.bus.drive_mut(Station(station)).map_or(0, |drive| drive.output(self.now) / 10_000)
     }
 
-    /// The present picture of the drive at `index`.
+    /// The present view of the drive at `index`.
     pub fn view(&self, index: u16) -> DriveView {
         self.core.view(DriveIndex(index)).expect("there is such a drive")
     }
@@ -455,20 +455,20 @@ impl Rig {
         writes.map(|sent| sent.pdu.clone()).collect()
     }
 
-    /// Lets time pass until `until`; `on_answer` is told each answer and may ask anew.
+    /// Lets time pass until `until`; `on_answer` gets each answer and may send further requests.
     pub fn run_until(&mut self, until: MonoTime, mut on_answer: impl FnMut(&mut Self, &NativeAnswer)) {
         while self.now < until {
             for (_, answer) in std::mem::take(&mut self.answers) {
                 on_answer(self, &answer);
             }
-            // A client needs a moment to read an answer that came at once.
+            // A client needs a moment to read an answer that arrived at once.
             let moment = self.now + Duration::from_micros(100);
             self.step(if self.answers.is_empty() { until } else { moment.min(until) });
         }
     }
 
-    /// Loses the reply to a read of one drive, and shows that another read of as many words goes there only behind a
-    /// barrier: an answer that no late one can be mistaken for.
+    /// Loses the reply to a read of one drive, and shows that another read of as many words is sent only after a
+    /// barrier: an exchange whose answer cannot be confused with a late one.
     pub fn shows_that_a_missing_reply_is_waited_out(&mut self) {
         self.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
         let first = self.read(1, 0, PROOF, 1);
@@ -483,7 +483,7 @@ impl Rig {
         assert_eq!(self.core.counters().barriers, 1);
     }
 
-    /// Lets time pass until the answer to `ticket` has come.
+    /// Lets time pass until the answer to `ticket` has arrived.
     pub fn answer_to(&mut self, ticket: Ticket) -> NativeOutcome {
         let limit = self.now + Duration::from_secs(20);
         loop {
@@ -494,7 +494,7 @@ impl Rig {
         }
     }
 
-    /// Jumps to the next event, at most to `until`. Returns whether anything but the end came.
+    /// Jumps to the next event, at most to `until`. Returns whether there was an event before that.
     pub fn step(&mut self, until: MonoTime) -> bool {
         let wake = self.core.next_wake().map_or(MonoTime::NEVER, |wake| wake.at);
         assert!(wake > self.now, "the core wants to be woken at once for ever: {:?}", self.core.next_wake());
@@ -511,7 +511,7 @@ impl Rig {
         true
     }
 
-    /// Lets the core decide and carries out what it says.
+    /// Lets the core decide and executes its effects.
     pub fn settle(&mut self) {
         self.core.handle(self.now, Input::Time);
         while let Some(effect) = self.core.next_effect() {
@@ -538,7 +538,7 @@ impl Rig {
         }
     }
 
-    /// The number that the words of the exchange carry in which `ticket` was answered.
+    /// The proof number of the exchange that answered `ticket`.
     pub fn proof(&mut self, ticket: Ticket) -> u16 {
         let place = self.proofs.iter().position(|(known, _)| *known == ticket).expect("it was answered");
         self.proofs.swap_remove(place).1
