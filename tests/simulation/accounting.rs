@@ -1,5 +1,5 @@
-//! The audit on a real disk: every attempt stands in exactly one row or in the counter of those that were lost, also while
-//! the file is locked and after a kill.
+//! The audit on a real disk: every attempt is in exactly one row or in the counter of lost ones, also while the file is
+//! locked and after a kill.
 //!
 //! Some thousands here; `ATTEMPTS=1000000 cargo test --test suite accounting` for more.
 
@@ -26,18 +26,18 @@ use vfd_gateway::vendors;
 
 /// Attempts at one line.
 const OF_A_LINE: u64 = 5_000;
-/// Rows after which the line waits until they are kept, so that nothing has to give way.
+/// Rows after which the line waits until they are kept, so that nothing is dropped.
 const PAUSE_AFTER: u64 = 1_000;
 /// Longer than any write takes.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Where a child of this test writes, and with which seed.
+/// The directory and the seed of a child process of this test.
 const CHILD: &str = "ACCOUNTING_CHILD";
 
 fn attempts() -> u64 {
     std::env::var("ATTEMPTS").ok().and_then(|text| text.parse().ok()).unwrap_or(20_000)
 }
 
-/// A directory that is gone afterwards.
+/// A temporary directory that is removed when this is dropped.
 struct Place(PathBuf);
 
 impl Place {
@@ -47,7 +47,7 @@ impl Place {
         Self(path)
     }
 
-    /// What stands in the audit: how many attempts, and how often each text of the north side.
+    /// The contents of the audit: the number of attempts, and how often each text of the north side occurs.
     fn counted(&self) -> (u64, BTreeMap<String, u64>) {
         let connection = Connection::open(file_in(&self.0)).expect("the journal");
         let sql = "SELECT body FROM audit WHERE kind = 'attempt'";
@@ -78,7 +78,7 @@ struct Desk {
     journal: Arc<Journal>,
     shared: Arc<Shared>,
     north: NorthSource,
-    /// Attempts that were said.
+    /// Attempts so far.
     said: u64,
     /// Those of the north side.
     of_north: u64,
@@ -107,14 +107,14 @@ impl Desk {
         Self { journal, shared, north, said: 0, of_north: 0, waits: true }
     }
 
-    /// A line in a new life.
+    /// Starts the line again.
     fn line(&self) -> Source {
         let line = &self.shared.lines[0];
         let drives = self.shared.drives.iter().map(|drive| drive.description.clone()).collect();
         self.journal.line(line.name.clone(), drives, Arc::clone(&line.inbox))
     }
 
-    /// The line says something; now and then the north side refuses something, each of them another text.
+    /// The line makes an attempt; now and then the north side refuses one, each with another text.
     fn keep(&mut self, source: &Source, keep: Keep, first: u64) {
         let row = keep.row;
         let is_attempt = matches!(keep.entry, Entry::Attempt(_));
@@ -136,7 +136,7 @@ impl Desk {
         }
     }
 
-    /// Lines whose clients try to write `count` times altogether.
+    /// Lines whose clients make `count` write attempts altogether.
     fn play(&mut self, seed: u64, count: u64) {
         let mut left = count;
         for life in 0.. {
@@ -190,11 +190,11 @@ fn what_is_lost_while_the_file_is_locked_is_counted_and_nothing_else_is() {
     let place = Place::new("locked");
     let mut desk = Desk::open(&place.0);
     desk.play(10, 1_000);
-    // Somebody writes to it and does not come to an end: rows wait, and then the oldest give way.
+    // Another process writes to it and does not finish: rows wait, and then the oldest are dropped.
     let mut other = Connection::open(file_in(&place.0)).expect("the journal");
     let lock = other.transaction_with_behavior(rusqlite::TransactionBehavior::Immediate).expect("a lock");
     desk.waits = false;
-    // Faster than the writer takes it, and then so slowly that it is the writer who has too much.
+    // Faster than the writer accepts it, and then so slowly that the writer itself has too much.
     desk.play(20, 10_000);
     for part in 0..20 {
         desk.play(30 + part, 1_000);
@@ -213,7 +213,7 @@ fn what_is_lost_while_the_file_is_locked_is_counted_and_nothing_else_is() {
     assert!(texts.values().all(|count| *count == 1));
 }
 
-/// What a killed one had been told to be kept is in the file, and nothing is there twice.
+/// What was reported as kept before the kill is in the file, and nothing is there twice.
 #[test]
 fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
     let place = Place::new("killed");
@@ -226,7 +226,7 @@ fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
         command.env(CHILD, format!("{life} {}", place.0.display())).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().expect("a child");
         let mut lines = BufReader::new(child.stdout.take().expect("its words")).lines();
-        // The first words come when the journal is open.
+        // The first output appears when the journal is open.
         let mut last = (0, 0);
         let mut until = MonoTime::NEVER;
         for line in lines.by_ref().map_while(Result::ok) {
@@ -263,7 +263,7 @@ fn plays_until_it_is_killed() {
     for part in 0.. {
         let source = desk.line();
         let tell = |desk: &Desk, kept| {
-            // One ahead of what may be said until the next word.
+            // One more than may be attempted until the next output.
             let line = format!("said {} kept {kept}\n", desk.said + 2 * PAUSE_AFTER);
             std::io::stdout().write_all(line.as_bytes()).expect("somebody listens");
         };
@@ -272,7 +272,7 @@ fn plays_until_it_is_killed() {
             let row = keep.row.0;
             desk.keep(&source, keep, (life + 1) * 1_000_000);
             if row % PAUSE_AFTER == 0 {
-                // It waited for that row, and what the north side said meanwhile may be behind it.
+                // It waited for that row; attempts of the north side meanwhile may come after it.
                 kept = desk.said - desk.of_north;
                 tell(&desk, kept);
             }

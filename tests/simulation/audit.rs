@@ -1,4 +1,5 @@
-//! Every attempt to write is accounted for exactly once: in one row, and with one end that is what its commander was told.
+//! Every attempt to write is accounted for exactly once: in one row, with one end that equals what was reported to its
+//! client.
 
 use super::checker::tables::Kind;
 use super::trials::reads;
@@ -16,34 +17,34 @@ use vfd_gateway::gateway::{Effect, Input};
 use vfd_gateway::journal::{Entry, Keep};
 use vfd_gateway::sim::FaultPlan;
 
-/// Whoever keeps what the line says.
+/// The receiver of the line's rows.
 type Sink<'s> = &'s mut dyn FnMut(Keep);
 
-/// What is known of the attempts.
+/// The state of the attempts.
 struct Books<'s> {
     sink: Sink<'s>,
     /// The attempt that belongs to a ticket, and its end.
     attempts: HashMap<u64, (u64, Option<Report>)>,
-    /// Tickets that were told for good.
+    /// Tickets with a final report.
     told: HashMap<u64, Report>,
-    /// The attempts said in this round, with an end where it has one already.
+    /// The attempts of this round, with their ends if they have any yet.
     said: Vec<(u64, Option<Report>)>,
     of_attempt: HashMap<u64, u64>,
     rows: u64,
 }
 
-/// Tries to write `count` times. Returns how many attempts were accounted for and how many of them were refused.
+/// Makes `count` write attempts. Returns how many were accounted for and how many of them were refused.
 ///
 /// # Errors
-/// Which attempt is missing, doubled, or was told otherwise.
+/// Which attempt is missing, duplicate, or was reported differently.
 pub fn audit(seed: u64, count: u64) -> Result<(u64, u64), String> {
     audit_into(seed, count, &mut drop)
 }
 
-/// The same, where `sink` keeps what the line says.
+/// The same, with `sink` as the receiver of the line's rows.
 ///
 /// # Errors
-/// As those.
+/// The same.
 pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
@@ -66,7 +67,7 @@ pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), S
                 books.attempts.insert(ticket, (attempt, end));
                 books.of_attempt.insert(attempt, ticket);
             }
-            // An unchanged register is no attempt.
+            // An unchanged register is not an attempt.
             [] if is_native => {}
             _ => return Err(wrong(format!("ticket {ticket} is said {} times", said.len()))),
         }
@@ -105,11 +106,12 @@ impl Books<'_> {
         Ok(())
     }
 
-    /// Everything has its end, and it is what was told. What is settled is forgotten.
+    /// Checks that every attempt has its end, equal to what was reported. Settled ones are removed.
     fn settle(&mut self) -> Result<(), String> {
         for (ticket, (attempt, end)) in self.attempts.drain() {
             let end = end.ok_or(format!("attempt {attempt} of ticket {ticket} has no end"))?;
-            // Who writes registers is told once, at the acknowledgement: what follows stands in the journal alone.
+            // A client that writes registers gets one report, at the acknowledgement: what follows is in the journal
+            // only.
             if let Some(told) = self.told.get(&ticket)
                 && *told != end
             {
@@ -122,7 +124,7 @@ impl Books<'_> {
     }
 }
 
-/// Somebody tries to write something. Whether it is a register of the drive.
+/// Makes a write attempt. Returns whether it is for a register of the drive.
 fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
     let owner = match rng.u8(0..6) {
         0 | 1 => Owner::Mqtt,

@@ -1,5 +1,5 @@
-//! Bytes from nobody in the shape of requests and replies, on lines of all built-in models: no read may be answered with
-//! the words of another exchange. And what such bursts cost a line.
+//! Stray bytes in the shape of requests and replies, on lines of all built-in models: no read may be answered with the
+//! words of another exchange. Also the cost of such bursts.
 
 use super::plan::PROOF;
 use fastrand::Rng;
@@ -20,18 +20,18 @@ use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{BusOptions, Delivery, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
-/// How long a client waits before it asks again what was not answered with words.
+/// How long a client waits before it repeats a read that was not answered with words.
 const PAUSE: Duration = Duration::from_millis(20);
 /// How long it takes until the drives are known and things begin to go wrong.
 const CALM: Duration = Duration::from_secs(5);
 
-/// What one line is made of.
+/// The parameters of one line.
 #[derive(Clone, Debug)]
 pub struct BurstPlan {
     pub model: Arc<Model>,
     pub drives: u8,
     pub clients: u64,
-    /// The adapter hears itself: half duplex. Otherwise full duplex, or half duplex without an echo.
+    /// The adapter receives its own bytes: half duplex. Otherwise full duplex, or half duplex without an echo.
     pub echoes: bool,
     pub turnaround: Duration,
     /// Time-outs are learned.
@@ -40,7 +40,7 @@ pub struct BurstPlan {
     pub faults: FaultPlan,
 }
 
-/// What has happened on one line, or on several.
+/// The events of one line, or of several, counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BurstTally {
     pub reads: u64,
@@ -51,12 +51,12 @@ pub struct BurstTally {
     pub strays: u64,
     pub requests: u64,
     pub virtual_ns: u64,
-    /// The longest that a read waited for its words.
+    /// The longest wait of a read for its words.
     pub longest: Duration,
 }
 
 impl BurstTally {
-    /// Adds what happened on another line.
+    /// Adds the counts of another line.
     pub fn add(&mut self, other: &Self) {
         self.reads += other.reads;
         self.right += other.right;
@@ -110,11 +110,11 @@ struct Walk {
     /// Most words of one read.
     most: u16,
     drives: u16,
-    /// The number that the words of the newest exchange carry.
+    /// The proof number of the newest exchange.
     proof: u16,
     ticket: u64,
     asked: HashMap<u64, (u64, MonoTime)>,
-    /// Clients that ask next, and when.
+    /// The clients with the next requests, and when.
     next: Vec<(MonoTime, u64)>,
     wrong: Option<String>,
     tally: BurstTally,

@@ -1,4 +1,4 @@
-//! Modbus TCP clients: what they ask, byte by byte, and the gateway's real connections.
+//! Modbus TCP clients: their requests, byte by byte, and the gateway's real connections.
 
 use super::checker::tables::{Drive, Run};
 use super::plan::PROOF;
@@ -18,19 +18,19 @@ pub struct Client {
     pub asker: AskerId,
     pub origin: Origin,
     transaction: u16,
-    /// The connection stalls until then, and what is sent waits.
+    /// The connection stalls until then, and sent bytes wait.
     pub stalled_until: Option<MonoTime>,
     pub waiting: Vec<u8>,
-    /// The rest of a message that was begun.
+    /// The rest of an incomplete message.
     rest: Vec<u8>,
-    /// The setpoint and the direction that it writes again and again.
+    /// The setpoint and the direction that it writes repeatedly.
     habit: (u16, u16),
 }
 
 impl Client {
     /// Client `who`, connected at `now` as `asker`.
     pub fn new(who: usize, asker: u64, now: MonoTime) -> Self {
-        // Two of them come from one address: they are one owner.
+        // Two of them share one address: they are one owner.
         let address = IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1 + who as u8 / 2));
         let rights = Rights { write: true, stop: true };
         Self {
@@ -53,7 +53,7 @@ impl Client {
         out.extend_from_slice(pdu);
     }
 
-    /// Appends what the client asks next.
+    /// Appends the client's next request.
     fn ask(&mut self, rng: &mut Rng, drives: &[Drive], may_write: bool, out: &mut Vec<u8>) {
         let drive = &drives[rng.usize(0..drives.len())];
         let facts = drive.kind.facts();
@@ -115,7 +115,7 @@ fn block(address: u16, values: &[u16]) -> Vec<u8> {
 }
 
 impl World {
-    /// A client does something: goes on with what it has begun, asks once or several times, goes and comes back.
+    /// A client acts: it continues a message, sends one or several requests, or leaves and reconnects.
     pub fn client_acts(&mut self) {
         let who = self.rng.usize(0..self.clients.len());
         let dice = self.rng.u16(0..400);
@@ -139,7 +139,7 @@ impl World {
         self.client_sends(who, &bytes);
     }
 
-    /// A client reads proof words, which say in which exchange they were given.
+    /// A client reads proof words, which identify their exchange.
     pub fn client_reads(&mut self, who: usize) {
         let client = &mut self.clients[who];
         let drives = &self.plan.line.drives;

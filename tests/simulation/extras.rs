@@ -1,9 +1,9 @@
-//! Kinds of trouble beside the line: others at the drives, drives that refuse to stop, ways in that stall, clocks that are
-//! wrong. Each world draws some of those that are switched on.
+//! Kinds of trouble beyond the line: other parties at the drives, drives that refuse to stop, stalled connections,
+//! wrong clocks. Each world draws some of those that are enabled.
 
 use fastrand::Rng;
 
-/// A kind of trouble beside the line.
+/// A kind of trouble beyond the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Extra {
@@ -11,17 +11,17 @@ pub enum Extra {
     Others,
     /// Drives refuse to stop for a while.
     RefusedStops,
-    /// The way between gateway and broker stalls, and what waited comes afterwards, in order.
+    /// The path between gateway and broker stalls, and waiting messages arrive afterwards, in order.
     BrokerStalls,
-    /// The clocks of gateway and commanders are wrong, and jump.
+    /// The clocks of gateway and clients are wrong, and jump.
     Clocks,
     /// Connections of Modbus TCP clients stall.
     ClientStalls,
-    /// The gateway's process stands still.
+    /// The gateway's process is suspended.
     Standstills,
 }
 
-/// Kinds whose worlds still show violations that wait for their fixes. They are drawn only where they are asked for.
+/// Kinds whose worlds still show unfixed violations. They are drawn only on request.
 pub const AWAITED: &[Extra] = &[];
 
 impl Extra {
@@ -38,12 +38,12 @@ impl Extras {
     pub const NONE: Self = Self(0);
     pub const ALL: Self = Self((1 << Extra::ALL.len()) - 1);
 
-    /// Those that are switched on.
+    /// The enabled kinds.
     pub fn on() -> Self {
         AWAITED.iter().fold(Self::ALL, |all, extra| Self(all.0 & !(1 << *extra as u8)))
     }
 
-    /// Those that `text` names: `all`, `none`, `on`, or names with commas between them.
+    /// The kinds that `text` names: `all`, `none`, `on`, or names separated by commas.
     pub fn named(text: &str) -> Option<Self> {
         match text {
             "all" => return Some(Self::ALL),

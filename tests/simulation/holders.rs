@@ -1,4 +1,4 @@
-//! All who hold control of the drives of a line vanish at once.
+//! All owners of the drives of a line vanish at once.
 
 use super::checker::tables::Kind;
 use super::plan::model_of;
@@ -17,12 +17,12 @@ use vfd_gateway::sim::FaultPlan;
 /// Drives of one line.
 pub const DRIVES: u8 = 32;
 
-/// One line whose drives all run, each by the order of another holder; then all fall silent at the same moment. Returns
-/// how many holders there were, the longest wait from the end of a lease to the first bit of the frame that stops its
-/// drive, and the bound that is printed.
+/// One line whose drives all run, each by the order of another holder; then all stop responding at the same moment.
+/// Returns how many holders there were, the longest wait from the end of a lease to the first bit of the frame that
+/// stops its drive, and the bound that is printed.
 ///
 /// # Errors
-/// Which frame came too late.
+/// Which frame was sent too late.
 pub fn holders(seed: u64) -> Result<(u64, Duration, Duration), String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
@@ -83,7 +83,7 @@ impl Line {
         world.core.handle(world.now, Input::Command(command));
     }
 
-    /// Lets time pass; frames that stop a drive are noted. The checker is not asked: nobody told it of the orders.
+    /// Lets time pass and notes stop frames. The checker is not used: it does not know the orders.
     fn pass(&mut self, time: Duration) {
         let until = self.world.now + time;
         loop {

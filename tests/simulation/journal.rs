@@ -8,12 +8,12 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::TripEventKind;
 use vfd_gateway::journal::{Entry, Keep, Remembered, RememberedLease, RememberedStop, RowNumber};
 
-/// The journal of one line over several lives of the gateway.
+/// The journal of one line across restarts of the gateway.
 pub struct Journal {
     rng: Rng,
-    /// Rows on their way to the disk, and when they are there.
+    /// Rows under way to the disk, and when they are stored.
     on_the_way: VecDeque<(MonoTime, Keep)>,
-    /// From then on nothing gets there any more.
+    /// From then on nothing is stored any more.
     stuck_from: MonoTime,
     memory: Vec<Remembered>,
     last_row: u64,
@@ -35,7 +35,7 @@ impl Journal {
         self.stuck_from = at;
     }
 
-    /// The line says that something should be kept. Rows are numbered without holes.
+    /// Takes a row of the line. Rows are numbered without gaps.
     pub fn say(&mut self, now: MonoTime, keep: Keep) -> Result<(), String> {
         self.last_row += 1;
         let is_next = keep.row.0 == self.last_row;
@@ -52,7 +52,7 @@ impl Journal {
         self.on_the_way.front().map_or(MonoTime::NEVER, |(at, _)| *at)
     }
 
-    /// The newest row that is kept by `now`, if there is a new one; `tell` is told each of them.
+    /// The newest row that is kept by `now`, if there is a new one; `tell` is called with each of them.
     pub fn take(&mut self, now: MonoTime, mut tell: impl FnMut(usize, Kept)) -> Option<RowNumber> {
         let mut newest = None;
         while let Some((_, keep)) = self.on_the_way.pop_front_if(|(at, _)| *at <= now) {
@@ -89,8 +89,8 @@ impl Journal {
         }
     }
 
-    /// The gateway is killed: what was on the way is lost. Returns what the next one is told; the leases among it have
-    /// had their time after that.
+    /// The gateway is killed: rows under way are lost. Returns what the next one knows; the leases among it have
+    /// expired after that.
     pub fn kill(&mut self) -> Vec<Remembered> {
         self.on_the_way.clear();
         self.stuck_from = MonoTime::NEVER;

@@ -1,4 +1,4 @@
-//! The gateway is killed at any moment and starts anew: everything in memory is lost, and what was on the way to the
+//! The gateway is killed at any moment and starts again: everything in memory is lost, and rows under way to the
 //! journal.
 
 use super::checker::kept::Known;
@@ -26,7 +26,7 @@ const PER_WORLD: u64 = 20;
 pub struct Doom {
     at: MonoTime,
     left: u64,
-    /// So many effects are still carried out in the round in which it happens.
+    /// The number of effects that are still executed in the round of the kill.
     effects: u32,
     is_now: bool,
 }
@@ -34,7 +34,7 @@ pub struct Doom {
 /// Kills the gateway `count` times under load.
 ///
 /// # Errors
-/// What was seen that must not be.
+/// The violation that was seen.
 pub fn kills(seed: u64, count: u64) -> Result<Tally, String> {
     let mut rng = Rng::with_seed(seed);
     let mut plan = Plan::draw(&mut rng);
@@ -86,7 +86,7 @@ impl World {
         self.journal.as_ref().map_or(MonoTime::NEVER, Journal::due).min(kill)
     }
 
-    /// Rows that are kept by now are told to the line; the kill that is due happens in this round.
+    /// The line is notified of rows that are kept by now; a due kill happens in this round.
     pub fn keep_due(&mut self) {
         let now = self.now;
         if let Some(doom) = &mut self.doom {
@@ -103,7 +103,7 @@ impl World {
         }
     }
 
-    /// The line says that something should be kept.
+    /// Takes a row of the line.
     pub fn keep(&mut self, keep: Keep) {
         match &keep.entry {
             Entry::Attempt(attempt) => self.checker.attempt(attempt.id.0, attempt.report.is_some()),
@@ -167,7 +167,7 @@ impl World {
         self.doom(left);
     }
 
-    /// There is no gateway for so long; the drives go on, and so does what goes wrong.
+    /// There is no gateway for a while; drives and faults continue.
     fn sleep(&mut self, time: Duration) {
         let until = self.now + time;
         loop {

@@ -1,17 +1,17 @@
 //! A whole gateway under one seed and one virtual clock: line, drives, clients and broker, with everything that can go
-//! wrong, and an independent checker that looks at every step.
+//! wrong, and an independent checker of every step.
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `plan`, `extras` | what a seed stands for, and what beside the line goes wrong in its world |
-//! | `world`, `tally` | the clock and the line, and what has happened |
-//! | `client`, `serve` | Modbus TCP clients, and what the daemon does for them |
+//! | `plan`, `extras` | the parameters of a seed, and the faults beyond the line in its world |
+//! | `world`, `tally` | the clock and the line, and counts of what has happened |
+//! | `client`, `serve` | Modbus TCP clients, and the daemon's part for them |
 //! | `mqtt` | the MQTT session and a small broker |
-//! | `trouble` | what goes wrong beside replies |
-//! | `others`, `stalls` | what others do to the drives; ways in, and a gateway, that stand still |
+//! | `trouble` | faults other than those of replies |
+//! | `others`, `stalls` | other parties at the drives; stalled connections, and a suspended gateway |
 //! | `journal`, `kills` | what outlives the gateway, and its ends |
 //! | `trials`, `bursts`, `audit`, `stale`, `holders` | single promises, counted |
-//! | `checker` | who looks on |
+//! | `checker` | the observer |
 //! | `tests` | that the checker objects, that a seed is a world, found seeds, a million exchanges |
 
 pub mod audit;
@@ -44,7 +44,7 @@ pub const WORLD: u64 = 20_000;
 /// Runs the world of `seed` for `exchanges` exchanges, with those of `extras` that the seed draws.
 ///
 /// # Errors
-/// What was seen that must not be, in words, with the command that shows it again.
+/// The violation as text, with the command that reproduces it.
 pub fn run(seed: u64, exchanges: u64, extras: Extras) -> Result<(Tally, u64), String> {
     let mut world = World::new(seed, extras);
     match world.run(exchanges) {
@@ -53,7 +53,7 @@ pub fn run(seed: u64, exchanges: u64, extras: Extras) -> Result<(Tally, u64), St
     }
 }
 
-/// A violation in words, with the command that shows it again.
+/// A violation as text, with the command that reproduces it.
 fn told(seed: u64, exchanges: u64, world: &World, it: &Violation) -> String {
     format!(
         "{} is violated by seed {seed} at exchange {} ({:.6} s): {}\n{:?}\n{}\nagain: cargo bench --bench year -- --seed \

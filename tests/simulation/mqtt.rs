@@ -1,4 +1,4 @@
-//! The MQTT side: the real session, a small broker, and commanders behind it.
+//! The MQTT side: the real session, a small broker, and clients behind it.
 
 use super::checker::messages::Inbound;
 use super::extras::Extra;
@@ -17,10 +17,10 @@ use vfd_gateway::north::mqtt::{Act, LeaseMode, Session, Settings, Tree};
 
 /// The wall clock at the start of a world.
 const WALL_MS: i64 = 1_767_225_600_000;
-/// How often the session looks at the pictures although nothing calls it.
+/// How often the session reads the views without being woken.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// Something on its way to the session.
+/// A message under way to the session.
 #[derive(Debug)]
 pub(super) enum Coming {
     Connected,
@@ -44,10 +44,10 @@ pub struct MqttSide {
     /// The last command with an id, and epochs as they were shown.
     last: Option<(String, String, MonoTime)>,
     epochs: Vec<u64>,
-    /// The way stalls: what comes, and what goes, is held until then.
+    /// The path stalls: messages in both directions are held until then.
     pub(super) stall_at: MonoTime,
     pub(super) held: (MonoTime, MonoTime),
-    /// How far the gateway's wall clock is ahead, when that changes next, and how far that of the commanders is, in ms.
+    /// How far the gateway's wall clock is ahead, when that changes next, and how far that of the clients is, in ms.
     pub(super) ahead: i64,
     pub(super) clock_at: MonoTime,
     pub(super) commanders_ahead: i64,
@@ -119,7 +119,7 @@ pub(super) const fn moment(now: MonoTime, ahead: i64) -> Moment {
 }
 
 impl World {
-    /// The MQTT side has its turn, if it is due.
+    /// Runs the MQTT side, if it is due.
     pub fn mqtt_turn(&mut self) {
         let Some(mut side) = self.mqtt.take() else { return };
         if side.wake_at <= self.now {
@@ -155,7 +155,7 @@ impl World {
         self.mqtt = Some(side);
     }
 
-    /// What commanders and the broker do.
+    /// The actions of clients and the broker.
     fn broker_turn(&mut self, side: &mut MqttSide) {
         if side.outage_at <= self.now {
             side.outage_at = self.now + self.about(Duration::from_secs(120));
@@ -171,7 +171,7 @@ impl World {
         }
     }
 
-    /// Commanders behind the broker do what is due.
+    /// Clients behind the broker do what is due.
     fn command(&mut self, side: &mut MqttSide) {
         if side.message_at <= self.now {
             side.message_at = self.now + self.about(self.plan.ask_every * 3);
@@ -182,7 +182,7 @@ impl World {
         }
     }
 
-    /// The same while the gateway stands still.
+    /// The same while the gateway is suspended.
     pub fn commanders_act(&mut self) {
         let Some(mut side) = self.mqtt.take() else { return };
         self.command(&mut side);
@@ -244,7 +244,7 @@ impl World {
             11 => ("home/status".to_owned(), ["online", "offline"][rng.usize(0..2)].to_owned()),
             12 => (to("param/D001/get"), String::new()),
             13 if let Some((topic, payload, issued)) = side.last.clone() => {
-                // A replay that names no moment is known by its id alone, if the first one ever came.
+                // A replay without a timestamp is recognised by its id alone, if the first one ever arrived.
                 let issued = if payload.contains("issued_at") { issued } else { self.now };
                 return Coming::Message { topic, payload, retain, duplicate, issued };
             }
@@ -253,7 +253,7 @@ impl World {
                 let mut payload = format!("{{\"id\":\"o{}\",\"run\":\"{}\"", side.last_id, word.trim());
                 let wall = wall_ms(self.now) + side.commanders_ahead;
                 if self.plan.extras.has(Extra::Clocks) && rng.u8(0..3) == 0 {
-                    // Known by its moment alone.
+                    // Recognised by its timestamp alone.
                     payload = format!("{{\"issued_at\":{wall},\"run\":\"{}\"}}", word.trim());
                     side.last = Some((to("command"), payload.clone(), self.now));
                     let topic = to("command");
@@ -277,7 +277,7 @@ impl World {
         Coming::Message { topic, payload, retain, duplicate, issued: self.now }
     }
 
-    /// Everything that the session wants done.
+    /// Executes all acts of the session.
     fn pump(&mut self, side: &mut MqttSide) {
         self.look_at_views();
         side.lines.clear();
@@ -360,7 +360,7 @@ impl World {
         side.wake_at = now;
     }
 
-    /// A drive has tripped, or its trip holds no more.
+    /// A drive has tripped, or its trip was cleared.
     pub fn mqtt_trip(&mut self, drive: DriveIndex, event: &TripEvent) {
         let (now, Some(side)) = (self.now, self.mqtt.as_mut()) else { return };
         side.session.trip(moment(now, side.ahead), DriveRef { line: 0, drive }, event);

@@ -1,5 +1,5 @@
-//! What others do to the drives: people at the panel or at a terminal, another master, the drive on its own account. And
-//! the state of each motor for the observer, straight from the drive.
+//! Other parties at the drives: people at the panel or at a terminal, another master, the drive by itself. Also the
+//! state of each motor for the observer, straight from the drive.
 
 use super::checker::motor::State;
 use super::checker::tables::Run;
@@ -15,11 +15,11 @@ use vfd_gateway::sim::RefusedStops;
 /// Microhertz in a hundredth of a hertz.
 const CENTIHERTZ: u64 = 10_000;
 
-/// Those who are at the drives.
+/// The other parties at the drives.
 #[derive(Debug)]
 pub struct Others {
     rng: Rng,
-    /// When they do something next.
+    /// When they act next.
     pub at: MonoTime,
     every: Duration,
     /// A drive that refuses to stop until then.
@@ -35,7 +35,7 @@ impl Others {
 }
 
 impl World {
-    /// Others do what is due.
+    /// Other parties do what is due.
     pub fn others_act(&mut self) {
         let Some(mut others) = self.others.take() else { return };
         if let Some((_, place)) = others.refuses.take_if(|(until, _)| *until <= self.now) {
@@ -57,7 +57,7 @@ impl World {
         self.others = Some(others);
     }
 
-    /// When others do something next.
+    /// When other parties act next.
     pub fn others_due(&self) -> MonoTime {
         let Some(others) = &self.others else { return MonoTime::NEVER };
         others.refuses.map_or(others.at, |(until, _)| until.min(others.at))
@@ -133,7 +133,7 @@ impl World {
         self.checker.note(now.as_nanos(), place, text);
     }
 
-    /// The observer looks at the motor of the drive at `place`, at the drive and not over the line.
+    /// The observer reads the motor of the drive at `place`, at the drive and not over the line.
     pub fn look_at_motor(&mut self, place: usize, at: MonoTime) {
         let facts = self.plan.line.drives[place].kind.facts();
         let Some(drive) = self.bus.drive(self.station(place)) else { return };

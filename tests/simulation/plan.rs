@@ -1,4 +1,4 @@
-//! What one seed stands for: the line, its drives, its clients, and how much goes wrong.
+//! The parameters of one seed: the line, its drives, its clients, and how much goes wrong.
 
 use super::checker::tables::{Action, Drive, Kind, Line};
 use super::extras::Extras;
@@ -23,7 +23,7 @@ use vfd_gateway::vendors;
 
 /// Addresses whose words carry the number of the exchange that asked for them; no drive here has any of them.
 pub const PROOF: u16 = 0x7000;
-/// How late a reply may come behind its time-out.
+/// How late after its time-out a reply may arrive.
 const LATENESS: Duration = Duration::from_millis(500);
 
 thread_local! {
@@ -52,11 +52,11 @@ pub struct Plan {
     /// Mean time between two things that clients do, and between two troubles.
     pub ask_every: Duration,
     pub trouble_every: Duration,
-    /// Clients read nothing but proof words, without a pause.
+    /// Clients read only proof words, without a pause.
     pub only_reads: bool,
     /// There is a journal.
     pub keeps: bool,
-    /// What goes wrong beside the line.
+    /// The faults beyond the line.
     pub extras: Extras,
 }
 
@@ -102,7 +102,7 @@ impl Plan {
         bus
     }
 
-    /// What the gateway's line is made of.
+    /// The settings of the gateway's line.
     pub fn setup(&self, first_epoch: u64) -> LineSetup {
         let drives: Vec<DriveSetup> = self.line.drives.iter().map(setup_of).collect();
         let models = drives.iter().map(|drive| drive.model.as_ref());

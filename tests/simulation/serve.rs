@@ -1,5 +1,5 @@
-//! What the daemon does between clients and the line: calls are answered from pictures, or handed to the line and
-//! answered when that has answered.
+//! The daemon's part between clients and the line: calls are answered from views, or passed to the line and answered
+//! when that has answered.
 
 use super::client::Client;
 use super::world::World;
@@ -14,10 +14,10 @@ use vfd_gateway::drive::view::DriveView;
 use vfd_gateway::gateway::Input;
 use vfd_gateway::north::modbus::{Answer, Ask, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own};
 
-/// A command leaves within this time or never.
+/// A command is sent within this time or never.
 const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 
-/// What unit 255 shows.
+/// The contents of unit 255.
 struct Shown<'a> {
     report: LineReport,
     uniform: &'a [Uniform],
@@ -42,7 +42,7 @@ impl own::Gateway for Shown<'_> {
     }
 }
 
-/// Whether what a client asks of `unit` is a stop.
+/// Whether a client's request to `unit` is a stop.
 fn is_stop(drives: &[DriveDescription], uniform: &[Uniform], views: &[Arc<DriveView>], unit: u8, ask: &Ask) -> bool {
     let place = drives.iter().position(|it| it.unit.get() == unit);
     let picture = drives.iter().position(|it| it.uniform_unit.get() == unit);
@@ -54,7 +54,7 @@ fn is_stop(drives: &[DriveDescription], uniform: &[Uniform], views: &[Arc<DriveV
 }
 
 impl World {
-    /// A client sends `bytes`, and what they ask is handed on.
+    /// A client sends `bytes`, whose requests are passed on.
     pub fn client_sends(&mut self, who: usize, bytes: &[u8]) {
         if self.clients[who].stalled_until.is_some_and(|until| until > self.now) {
             return self.clients[who].waiting.extend_from_slice(bytes);
@@ -178,7 +178,7 @@ impl World {
         self.clients.iter().position(|client| client.asker == asker)
     }
 
-    /// Everything that a connection wants to say goes to its client; a connection that ends is replaced by a new one.
+    /// Passes the output of connections to their clients; a closed connection is replaced by a new one.
     pub fn flush(&mut self, who: usize) {
         let machine = &mut self.clients[who].machine;
         let bytes = machine.output().len();

@@ -1,4 +1,4 @@
-//! Commands over MQTT that are stale, retained, doubled or out of order are not executed, and valid ones are, once.
+//! Commands over MQTT that are stale, retained, duplicate or out of order are not executed; valid ones are, once.
 
 use super::checker::tables::Kind;
 use super::told;
@@ -18,7 +18,7 @@ const OLD: usize = 50;
 /// ones were executed.
 ///
 /// # Errors
-/// What was executed and must not have been, or was not.
+/// Which command was wrongly executed, or was not executed.
 pub fn stale(seed: u64, count: u64) -> Result<(u64, u64), String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
@@ -81,7 +81,7 @@ fn hertz(word: u16) -> String {
     format!("{}.{:02}", word / 100, word % 100)
 }
 
-/// Delivers something that must not be executed.
+/// Delivers a command that must not be executed.
 fn spoil(world: &mut World, rng: &mut Rng, word: u16, valid: Option<&String>, old: &[String]) {
     let id = 1_000_000_000 + rng.u64(0..1_000_000_000);
     let frequency = hertz(word);

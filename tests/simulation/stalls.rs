@@ -1,5 +1,5 @@
-//! Ways in that stall: what is sent waits and comes afterwards, in order. And a gateway whose process stands still while
-//! everything else goes on.
+//! Stalled connections: sent data waits and arrives afterwards, in order. Also a gateway whose process is suspended
+//! while everything else continues.
 
 use super::extras::{Extra, Extras};
 use super::mqtt::{MqttSide, moment};
@@ -11,7 +11,7 @@ use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::Input;
 use vfd_gateway::north::broker::Event;
 
-/// A process that stands still for so long notices it.
+/// A process that is suspended for this long notices it.
 const NOTICED: Duration = Duration::from_secs(1);
 /// Mean time between two stalls of a connection, and of the process.
 const CLIENT_EVERY: Duration = Duration::from_secs(15);
@@ -23,7 +23,7 @@ pub struct Stalls {
     rng: Rng,
     client_at: MonoTime,
     process_at: MonoTime,
-    /// When a connection that stalls goes on, the earliest first.
+    /// When stalled connections continue, the earliest first.
     pub until: Vec<(MonoTime, usize)>,
 }
 
@@ -48,7 +48,7 @@ impl Stalls {
 }
 
 impl MqttSide {
-    /// Nothing comes before `inward`, and nothing gets to the broker before `outward`.
+    /// Nothing arrives before `inward`, and nothing reaches the broker before `outward`.
     fn stall(&mut self, inward: MonoTime, outward: MonoTime) {
         self.held = (self.held.0.max(inward), self.held.1.max(outward));
         let held = self.held.0;
@@ -109,7 +109,7 @@ impl World {
         stalls.until.sort();
     }
 
-    /// What waited in connections that go on comes now; it `has_waited` for a process that stood still.
+    /// Data that waited in continuing connections arrives now; `has_waited` if for a suspended process.
     fn clients_go_on(&mut self, has_waited: bool) {
         while let Some(stalls) = &mut self.stalls
             && stalls.until.first().is_some_and(|(at, _)| *at <= self.now)
@@ -125,7 +125,7 @@ impl World {
         }
     }
 
-    /// The process stands still for `time`: clients, commanders, drives and others go on.
+    /// The process is suspended for `time`: clients, drives and other parties continue.
     fn stand_still(&mut self, time: Duration) {
         let from = self.now;
         let until = self.now + time;
@@ -157,7 +157,7 @@ impl World {
         self.clients_go_on(is_noticed);
     }
 
-    /// What others do while the process stands still.
+    /// The actions of other parties while the process is suspended.
     fn act_meanwhile(&mut self) {
         if let Some(place) = self.repairs.iter().position(|it| it.1 != Trouble::PortDown && it.0 <= self.now) {
             let (_, trouble, which) = self.repairs.remove(place);
@@ -171,7 +171,7 @@ impl World {
         self.commanders_act();
     }
 
-    /// The gateway stood still for so long, and knows it.
+    /// The gateway was suspended for `time`, and knows it.
     fn mqtt_stood_still(&mut self, stood: Duration) {
         let (now, Some(side)) = (self.now, &mut self.mqtt) else { return };
         if side.is_connected {
@@ -180,7 +180,7 @@ impl World {
         side.wake_at = now;
     }
 
-    /// The way stalls, and clocks jump.
+    /// The path stalls, and clocks jump.
     pub(super) fn spoil_the_way(&mut self, side: &mut MqttSide) {
         if side.stall_at <= self.now {
             side.stall_at = self.now + self.about(Duration::from_secs(20));

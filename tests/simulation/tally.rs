@@ -1,9 +1,9 @@
-//! What has happened in a world, counted.
+//! Counts of what has happened in a world.
 
 use super::checker::Counts;
 use super::trouble::Trouble;
 
-/// What has happened.
+/// The counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     pub worlds: u64,
@@ -13,7 +13,7 @@ pub struct Tally {
     pub clients_gone: u64,
     pub messages: u64,
     pub kills: u64,
-    /// What others did to drives, and stalls of each way in.
+    /// Actions of other parties, and stalls of each path.
     pub others: u64,
     pub broker_stalls: u64,
     pub client_stalls: u64,
@@ -24,12 +24,12 @@ pub struct Tally {
     pub lost: u64,
     pub collisions: u64,
     pub checked: Counts,
-    /// How much longer than asked for the shortest silence was, in ns.
+    /// How much longer than required the shortest silence was, in ns.
     pub shortest_excess: u64,
 }
 
 impl Tally {
-    /// Adds what happened in another world.
+    /// Adds the counts of another world.
     pub fn add(&mut self, other: &Self) {
         let mine = &mut self.checked;
         let its = &other.checked;

@@ -1,5 +1,5 @@
-//! That the checker objects to what is wrong, that a seed is a world, the seeds that found something, and a million
-//! exchanges.
+//! Tests that the checker finds violations, that a seed always gives the same world, the seeds that found something,
+//! and a million exchanges.
 
 use crate::simulation::checker::kept::{Kept, Known};
 use crate::simulation::checker::messages::Inbound;
@@ -9,7 +9,7 @@ use crate::simulation::checker::{Checker, crc};
 use crate::simulation::extras::Extras;
 use crate::simulation::{WORLD, audit, bursts, holders, kills, run, stale, trials};
 
-/// Seeds whose worlds once showed a violation, of the gateway or of its picture in the checker, with what was found.
+/// Seeds whose worlds once showed a violation, of the gateway or in the checker, with what was found.
 const FOUND: [(u64, &str); 12] = [
     (3, "an adapter's hole let a later reply come before an earlier one"),
     (26, "a drive that is left running by hold is not stopped at the end"),
@@ -70,14 +70,14 @@ impl Trace {
         self
     }
 
-    /// A frame leaves; the drive gives `truth`, perhaps nothing.
+    /// A frame is sent; the drive replies with `truth`, if at all.
     fn sends(mut self, body: &[u8], truth: &[u8]) -> Self {
         let truth = if truth.is_empty() { Vec::new() } else { sealed(truth) };
         self.checker.request(self.now, &sealed(body), &truth);
         self
     }
 
-    /// 20 ms later the gateway hears a frame.
+    /// 20 ms later the gateway receives a frame.
     fn hears(mut self, body: &[u8]) -> Self {
         self.now += 20 * MS;
         self.checker.heard(self.now, &sealed(body));
@@ -101,7 +101,7 @@ impl Trace {
         self
     }
 
-    /// The connection ends, and another takes its place.
+    /// The connection is closed, and another takes its place.
     fn leaves(mut self) -> Self {
         self.checker.client_closed(self.now, 0, false);
         self.checker.client_opened(self.now, 0);
@@ -114,12 +114,12 @@ impl Trace {
         self.pass(10)
     }
 
-    /// A message comes for the drive.
+    /// A message for the drive arrives.
     fn message(self, input: &str, payload: &str) -> Self {
         self.late(input, payload, 0)
     }
 
-    /// A message comes that was issued so many ms ago.
+    /// A message arrives that was issued some ms ago.
     fn late(mut self, input: &str, payload: &str, millis: u64) -> Self {
         let issued = self.now - millis * MS;
         let topic = format!("vfd/plant/drive/d0/{input}");
@@ -158,7 +158,7 @@ const STOP: [u8; 5] = [6, 1, 0, 0, 0];
 const STOP_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 0];
 const RUN_FRAME: [u8; 6] = [2, 6, 0, 2, 0, 1];
 const SETPOINT_FRAME: [u8; 6] = [2, 6, 0, 4, 0x0B, 0xB8];
-/// The reply to [`READ`] of a drive that stands still.
+/// The reply to [`READ`] of a drive at standstill.
 const AT_REST: [u8; 5] = [2, 3, 2, 0, 0];
 
 #[test]
@@ -175,7 +175,7 @@ fn o1_a_write_belongs_to_one_order_in_time() {
     Trace::new().asks(1, 101, &RUN).sends(&[2, 6, 0, 2, 0, 2], &[]).violates("O1");
     Trace::new().sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
     Trace::new().sends(&[2, 6, 2, 0x0C, 0, 9], &[]).violates("O1");
-    // Nobody stands behind it any more, or it was refused.
+    // Its client has left, or it was refused.
     Trace::new().asks(1, 101, &RUN).leaves().sends(&SETPOINT_FRAME, &[]).violates("O1");
     Trace::new().asks(1, 101, &RUN).reopens().sends(&SETPOINT_FRAME, &[]).violates("O1");
     Trace::new().message("run/set", "forward").sends(&RUN_FRAME, &RUN_FRAME).holds();
@@ -211,7 +211,7 @@ fn o2_a_setpoint_goes_beside_a_stop_that_changes_nothing() {
     sets(Trace::new().message("run/set", "forward")).violates("O2");
 }
 
-/// A stop that comes once more is the same, and a register without a role moves nothing.
+/// A repeated stop is the same, and a register without a role moves nothing.
 #[test]
 fn o2_a_stop_counts_as_shown_whatever_register_was_written() {
     let register = [2, 6, 2, 0x0C, 0, 9];
@@ -222,7 +222,7 @@ fn o2_a_stop_counts_as_shown_whatever_register_was_written() {
     sets(written()).violates("O2");
 }
 
-/// Whoever commands stop again commands no new one; anybody else does.
+/// A client that repeats a stop commands no new one; another client does.
 #[test]
 fn o1_an_order_behind_a_stop_that_it_does_not_know_is_stale() {
     let shown = || {
@@ -281,7 +281,7 @@ fn o5_there_is_silence_before_a_frame() {
     Trace::new().hears(&[9, 3, 2, 0, 0]).pass(4).sends(&READ, &REPLY).violates("O5");
 }
 
-/// Somebody talks without a pause, for 20 ms of silence at a time at the most.
+/// A node talks almost without a pause, with silences of at most 20 ms.
 #[test]
 fn o5_a_stop_goes_over_whoever_talks_for_half_a_second() {
     let talks = |trace: Trace, times: usize| {
@@ -295,10 +295,10 @@ fn o5_a_stop_goes_over_whoever_talks_for_half_a_second() {
     talks(asked(), 100).sends(&STOP_FRAME, &[]).violates("O5");
     let stopped = || talks(asked(), 170).sends(&STOP_FRAME, &[]);
     talks(stopped(), 170).sends(&STOP_FRAME, &[]).holds();
-    // A silence in which nothing can go, because the first is waited for, and one in which something could.
+    // A silence in which no frame can be sent, because the first is waited for, and one in which a frame could.
     talks(talks(stopped(), 20).pass(20), 140).sends(&STOP_FRAME, &[]).holds();
     talks(talks(stopped(), 100).pass(20), 70).sends(&STOP_FRAME, &[]).violates("O5");
-    // Nobody but a stop.
+    // Only a stop.
     talks(Trace::new().runs(), 200).sends(&READ, &REPLY).violates("O5");
 }
 
@@ -364,7 +364,7 @@ impl Trace {
         self.sees(State { is_on: true, trips: 1, ..State::default() }).tells(1)
     }
 
-    /// This is how the motor is.
+    /// Sets the actual state of the motor.
     fn sees(mut self, state: State) -> Self {
         self.checker.sees_motor(self.now, 0, state);
         self
@@ -380,7 +380,7 @@ impl Trace {
         self
     }
 
-    /// The gateway is killed and starts anew, and `known` is what it knows.
+    /// The gateway is killed and starts again with `known`.
     fn restarts(mut self, known: Known) -> Self {
         self.checker.killed(self.now);
         self.checker.port(self.now, false);
@@ -418,7 +418,7 @@ fn o9_a_trip_is_kept_once_and_then_shown() {
     trace.violates("O9");
 }
 
-/// A motor that turns at 30 Hz, whoever started it.
+/// A motor that turns at 30 Hz, started by any party.
 const TURNS: State = State {
     is_on: true,
     is_ordered: true,
@@ -435,7 +435,7 @@ fn m1_a_stop_that_is_answered_was_sent_to_a_motor_that_turns() {
     turns(4_000).told(1, 101, &STOP).violates("M1");
     turns(4_000).told(1, 101, &[0x86, 6]).holds();
     turns(4_000).exchange(&STOP_FRAME, &STOP_FRAME).told(1, 101, &STOP).holds();
-    // Nobody could know of it yet, or it has stopped since.
+    // It could not be known yet, or it has stopped since.
     turns(1_000).told(1, 101, &STOP).holds();
     turns(4_000).sees(State { is_ordered: false, ..TURNS }).told(1, 101, &STOP).holds();
     // A frame of an earlier stop does not count.
@@ -461,7 +461,7 @@ fn m2_what_waited_too_long_or_was_issued_before_a_stop_is_no_order() {
     runs(stopped().pass(500).late("command", order, 900)).violates("M2");
 }
 
-/// The gateway's clock stands at 0.
+/// The gateway's clock is at 0.
 #[test]
 fn m2_a_moment_in_the_future_proves_nothing() {
     let runs = |issued_at: u64| {
@@ -618,8 +618,9 @@ fn single_promises_hold() {
     trials::late(1, 20_000).unwrap_or_else(|text| panic!("{text}"));
     for seed in 0..14 {
         let tally = bursts::bursts(seed, 1_500).unwrap_or_else(|text| panic!("{text}"));
-        // Behind a late reply a drive is dirty for up to its longest lateness, most of it without a barrier, and a client whose
-        // read had no words asks again 20 ms later: one fault costs a dozen reads. Without late replies most have words.
+        // After a late reply a drive is dirty for up to its longest lateness, mostly without a barrier, and a client
+        // whose read failed repeats it 20 ms later: one fault costs a dozen reads. Without late replies most have
+        // words.
         let least = if tally.late == 0 { tally.reads / 2 } else { tally.reads / 5 };
         assert!(tally.bursts > 10 && tally.right > least, "{seed}: {tally:?}");
     }

@@ -1,4 +1,4 @@
-//! Single promises, counted one by one: late replies, silences, and stops while reads crowd.
+//! Single properties, counted: late replies, silences, and stops under many reads.
 
 use super::checker::messages::Inbound;
 use super::checker::tables::{Action, Drive, Kind, Line};
@@ -46,10 +46,10 @@ pub(super) fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -
     }
 }
 
-/// Lets `count` replies come late on a line of several drives. None may be taken for another request.
+/// Delays `count` replies on a line of several drives. None may be taken for another request.
 ///
 /// # Errors
-/// What was seen that must not be.
+/// The violation that was seen.
 pub fn late(seed: u64, count: u64) -> Result<Tally, String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
@@ -70,7 +70,7 @@ pub fn late(seed: u64, count: u64) -> Result<Tally, String> {
 /// `count` exchanges without a fault and without a pause: no silence before a frame may be too short.
 ///
 /// # Errors
-/// What was seen that must not be.
+/// The violation that was seen.
 pub fn gaps(seed: u64, count: u64) -> Result<Tally, String> {
     let mut rng = Rng::with_seed(seed);
     let mut plan = Plan::draw(&mut rng);
@@ -92,12 +92,12 @@ fn finished(seed: u64, mut world: World) -> Result<Tally, String> {
     }
 }
 
-/// Stops a drive `count` times while clients read without a pause, at moments that are drawn. Each stop's first bit must
-/// come when the exchange in flight is over and the silence has passed, exactly, and nothing may go before it. Returns
-/// the longest wait and how many reads were on offer.
+/// Stops a drive `count` times while clients read without a pause, at random moments. Each stop must start exactly when
+/// the exchange in flight is over and the silence has passed, and no frame may be sent before it. Returns the longest
+/// wait and how many reads were on offer.
 ///
 /// # Errors
-/// What was seen that must not be.
+/// The violation that was seen.
 pub fn stops(seed: u64, count: u64) -> Result<(Duration, u64), String> {
     let mut rng = Rng::with_seed(seed);
     let plan = reads(4, Kind::N700, 64, FaultPlan::NONE);
@@ -112,7 +112,7 @@ pub fn stops(seed: u64, count: u64) -> Result<(Duration, u64), String> {
         while world.now < until {
             world.step(until);
         }
-        // Each client has 16 requests under way, and asks again for each that is answered.
+        // Each client has 16 requests in flight, and repeats each that is answered.
         (0..world.clients.len()).for_each(|who| (0..16).for_each(|_| world.client_reads(who)));
         world.decide();
         pool = world.checker.counts.requests;

@@ -1,4 +1,4 @@
-//! What goes wrong beside replies: drives, line, port.
+//! Faults other than those of replies: drives, line, port.
 
 use super::world::World;
 use std::time::Duration;
@@ -16,11 +16,11 @@ pub enum Trouble {
     Trip,
     /// The port is gone for a while.
     PortDown,
-    /// Some bytes on the wire that nobody asked for.
+    /// Some stray bytes on the wire.
     Noise,
     /// A sound frame of a foreign station.
     Foreign,
-    /// A node that talks without an end for a while.
+    /// A node that talks without a pause for a while.
     Babble,
     /// The replies go wrong more often for a while.
     Rough,
@@ -116,14 +116,14 @@ impl World {
         frame
     }
 
-    /// What was done is taken back after `time`.
+    /// Undoes the fault after `time`.
     pub fn repair_in(&mut self, time: Duration, trouble: Trouble, which: u8) {
         let at = self.now + time;
         let place = self.repairs.partition_point(|(other, ..)| *other <= at);
         self.repairs.insert(place, (at, trouble, which));
     }
 
-    /// What was done is taken back.
+    /// Undoes the fault.
     pub fn repair(&mut self, trouble: Trouble, which: u8) {
         self.checker.note(self.now.as_nanos(), which.into(), "repaired");
         match trouble {

@@ -27,7 +27,7 @@ use vfd_gateway::gateway::{Effect, Input, LineCore};
 use vfd_gateway::north::modbus::Uniform;
 use vfd_gateway::sim::{FaultPlan, SimBus};
 
-/// How long a gateway that ends is given, and its clients after it.
+/// Time for the shutdown of a gateway, and for its clients after it.
 const ENDING: Duration = Duration::from_secs(6);
 /// How long it takes until the drives are known and things begin to go wrong.
 const CALM: Duration = Duration::from_secs(5);
@@ -47,30 +47,30 @@ pub struct World {
     pub mqtt: Option<MqttSide>,
     pub askers: u64,
     pub north_wake: Option<MonoTime>,
-    /// When clients do something next, and when there is trouble.
+    /// When clients act next, and when the next fault happens.
     pub client_at: MonoTime,
     pub trouble_at: MonoTime,
-    /// What was done to the world and is to be taken back, in order of time.
+    /// Faults that are to be undone, in order of time.
     pub repairs: Vec<(MonoTime, Trouble, u8)>,
-    /// Clients command at present.
+    /// Whether clients command at present.
     pub may_write: bool,
     mood_until: MonoTime,
     pub is_port_up: bool,
     is_over: bool,
     pub tally: Tally,
-    /// Clients that got their answer and ask again at once.
+    /// Clients that received their answer and send the next request at once.
     pub again: Vec<usize>,
-    /// Clients that were refused and ask again in a moment.
+    /// Clients that were refused and repeat the request in a moment.
     refused: Vec<usize>,
-    /// The core wants the port opened anew.
+    /// The core wants the port reopened.
     to_reopen: Option<LineFault>,
-    /// What outlives the gateway, where it has a journal.
+    /// What outlives the gateway, if it has a journal.
     pub journal: Option<Journal>,
     pub doom: Option<Doom>,
-    /// Others at the drives, and stalls of clients and of the gateway itself.
+    /// Other parties at the drives, and stalls of clients and of the gateway itself.
     pub others: Option<Others>,
     pub stalls: Option<Stalls>,
-    /// What clients send now has waited for a process that stood still.
+    /// What clients send now has waited for a suspended process.
     pub has_waited: bool,
 }
 
@@ -137,7 +137,7 @@ impl World {
         world
     }
 
-    /// Lets `exchanges` exchanges happen, then ends the gateway. What was seen that must not be, if anything.
+    /// Runs `exchanges` exchanges, then shuts down the gateway. Returns the violation, if there was one.
     pub fn run(&mut self, exchanges: u64) -> Option<Violation> {
         let mut faults_on = self.now + CALM;
         while self.checker.wire.count() < exchanges {
@@ -154,7 +154,7 @@ impl World {
         self.checker.violation().cloned()
     }
 
-    /// The gateway is told to end; what goes wrong stops.
+    /// The gateway shuts down; faults stop.
     pub fn end(&mut self) {
         self.is_over = true;
         self.others_leave();
@@ -180,7 +180,7 @@ impl World {
             (report.replies_late, report.replies_lost, report.collisions);
     }
 
-    /// Jumps to the next event, at most to `until`; false if that is where it ends.
+    /// Jumps to the next event, at most to `until`; returns false if there is none before that.
     pub fn step(&mut self, until: MonoTime) -> bool {
         let never = MonoTime::NEVER;
         let wake = self.core.next_wake().map_or(never, |wake| wake.at);
@@ -220,7 +220,7 @@ impl World {
         true
     }
 
-    /// What clients and troubles do now.
+    /// The actions of clients and faults that are due.
     fn happen(&mut self) {
         self.checker.time(self.now.as_nanos());
         if self.north_wake.is_some_and(|at| at <= self.now) {
@@ -251,7 +251,7 @@ impl World {
         self.mqtt_turn();
     }
 
-    /// Commanders fall silent together now and then, so that leases run out.
+    /// Clients stop responding together now and then, so that leases expire.
     fn change_mood(&mut self) {
         if self.now >= self.mood_until {
             self.may_write = !self.may_write;
@@ -264,7 +264,8 @@ impl World {
         Duration::from_nanos(self.rng.u64(1..=2 * mean.as_nanos() as u64))
     }
 
-    /// Lets the core decide and carries out what it says. Who reads without a pause asks again in the same moment.
+    /// Lets the core decide and executes its effects. A client that reads without a pause sends the next request at the
+    /// same moment.
     pub fn decide(&mut self) {
         loop {
             self.core.handle(self.now, Input::Time);
@@ -303,7 +304,7 @@ impl World {
                 if self.plan.only_reads && matches!(answer.outcome, NativeOutcome::Words(_)) {
                     self.again.extend(self.clients.iter().position(|client| client.asker == answer.asker));
                 } else if self.plan.only_reads {
-                    // A client takes a moment to ask again what was refused.
+                    // A client takes a moment to repeat a refused request.
                     let again_at = self.now + Duration::from_millis(20);
                     self.refused.extend(self.clients.iter().position(|client| client.asker == answer.asker));
                     self.client_at = self.client_at.min(again_at);
@@ -320,14 +321,14 @@ impl World {
                 }
                 self.mqtt_trip(drive, &event);
             }
-            // As a line's thread does: once all that was said in this round is done.
+            // As a line's thread does: after all effects of this round.
             Effect::Reopen(fault) => self.to_reopen = Some(fault),
             Effect::Keep(keep) => self.keep(keep),
             Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
         }
     }
 
-    /// The observer looks at the motors that `frame` was for, once it has come to its end.
+    /// The observer reads the motors that `frame` was for, once it has been sent.
     fn look_after(&mut self, frame: &[u8]) {
         let at = self.now + Duration::from_nanos(self.plan.line.on_wire(frame.len()));
         for place in 0..self.plan.line.drives.len() {
@@ -353,7 +354,7 @@ impl World {
         self.core.handle(self.now, Input::PortUp(PortKind::Serial));
     }
 
-    /// Takes the pictures that have changed.
+    /// Takes the views that have changed.
     pub fn look_at_views(&mut self) {
         for (drive, view) in self.core.changed_views() {
             self.views[drive.get()] = view;

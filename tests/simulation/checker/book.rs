@@ -1,4 +1,4 @@
-//! What is known of one drive: its orders, its stop, what it took and what it showed.
+//! The known state of one drive: its orders, its stop, what it accepted and what it showed.
 
 use super::tables::Run;
 
@@ -18,87 +18,88 @@ pub struct Order {
     pub number: u64,
     pub wish: Wish,
     pub at: u64,
-    /// Its first frame leaves before this moment or never.
+    /// Its first frame is sent before this moment or never.
     pub before: u64,
-    /// Frames of it so far, and how many of them the drive took.
+    /// Its frames so far, and how many of them the drive accepted.
     pub sent: u32,
     pub taken: u32,
     pub has_run: bool,
     pub has_setpoint: bool,
     pub has_register: bool,
-    /// Words of a reset that went out.
+    /// Words of a reset that were sent.
     pub reset_step: usize,
-    /// A stop came after it, or was pending when it came.
+    /// A stop arrived after it, or was pending when it arrived.
     pub is_void: bool,
     pub is_over: bool,
-    /// It came over MQTT.
+    /// It arrived over MQTT.
     pub is_message: bool,
-    /// It was too old when it came: when it was issued.
+    /// When it was issued, if it was too old on arrival.
     pub issued_old: Option<u64>,
 }
 
 /// The stop of a drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stop {
-    /// It was accepted, or the declared action began, and no effect was shown.
+    /// It was accepted, or the declared action began, without a visible effect so far.
     pub is_pending: bool,
     pub was_accepted_at: Option<u64>,
     pub is_coast: bool,
-    /// The drive took it, in an exchange that was heard.
+    /// The drive accepted it, in an exchange whose reply was received.
     pub echoed: bool,
     pub last_output: Option<u16>,
     pub zeros: u32,
 }
 
-/// What is known of one drive.
+/// The known state of one drive.
 #[derive(Debug, Default)]
 pub struct Book {
     pub orders: Vec<Order>,
-    /// The number of the stop that came last.
+    /// The number of the last stop.
     newest_stop: u64,
     pub stop: Stop,
-    /// Stops that came at this very moment and may turn out to change nothing.
+    /// Stops that arrived at this very moment and may turn out to change nothing.
     pub fresh: Vec<(u64, u64, bool)>,
     /// The client's address, if it was one, behind the last stop, with whether that was a coast; and the number of the
     /// last stop that may be one more of the same, which is no new one.
     pub stopped_by: Option<(usize, bool)>,
     pub repeat: Option<u64>,
-    /// What the drive took last.
+    /// What the drive accepted last.
     pub run_taken: Option<Run>,
     pub setpoint_taken: Option<u16>,
-    /// The last order of which a frame went out came at this moment.
+    /// When the last order with a sent frame arrived.
     pub moved_at: Option<u64>,
-    /// Anybody's last sign of life.
+    /// The last heartbeat of any client.
     pub sign_at: u64,
-    /// The drive took RUN, and was not seen at rest since.
+    /// The drive accepted RUN, and was not seen at rest since.
     pub is_running: bool,
     pub zeros: u32,
-    /// When anybody's stop came last, whether a stop or a coast ever came, and how often one was answered since.
+    /// When the last stop of any client arrived, whether a stop or a coast ever arrived, and how often one was answered
+    /// since.
     pub last_stop_at: u64,
     pub asked: [bool; 2],
     pub echoes: u32,
-    /// A stop came that perhaps changed nothing.
+    /// A stop arrived that perhaps changed nothing.
     pub may_stop: Option<(u64, u64)>,
     pub is_ending: bool,
-    /// Its lease, or a stop, is of an earlier life of the gateway, and it was not seen running since.
+    /// Its lease, or a stop, is from before a restart of the gateway, and it was not seen running since.
     pub is_orphaned: bool,
     pub remembered_stop: bool,
     pub awaits_sight: bool,
-    /// An order came over MQTT since the last stop.
+    /// An order arrived over MQTT since the last stop.
     pub is_of_mqtt: bool,
-    /// When the last stop came that was a new one, and until when its frame must have left.
+    /// When the last new stop arrived, and until when its frame must be sent.
     pub stopped_at: Option<u64>,
     pub stop_due: Option<u64>,
-    /// True readings of the output frequency with their moments, newest last.
+    /// Actual output frequencies with their times, newest last.
     pub readings: [(u16, u64); 24],
     pub reading: usize,
 }
 
-/// A list that has not come to its run word by so long after its deadline never does.
+/// A list that has not reached its run word by this long after its deadline never does.
 const LIST_TAKES: u64 = 500_000_000;
 
 impl Order {
-    /// It orders to run, and what it began with went out, but its run word did not and never will.
+    /// It orders to run, and its first words were sent, but its run word was not and never will be.
     fn is_given_up(&self, at: u64) -> bool {
         self.sent > 0 && !self.has_run && at >= self.before + LIST_TAKES
     }
@@ -119,7 +120,7 @@ impl Book {
         !self.stop.is_pending && is_stopped && !is_ordered
     }
 
-    /// Nothing may follow from a list that counts as given up.
+    /// No frame may follow from a list that counts as given up.
     pub fn void_given_up(&mut self, at: u64) {
         self.orders.iter_mut().filter(|it| it.starts() && it.is_given_up(at)).for_each(|it| it.is_void = true);
     }
@@ -146,8 +147,8 @@ impl Book {
         self.stopped_by = by;
     }
 
-    /// The order `number` was answered. Frames of two resets look the same: if it is a reset that has gone less far than a
-    /// later one, the frames were its own.
+    /// The order `number` was answered. Frames of two resets look the same: if it is a reset with fewer words sent than
+    /// a later one, the frames were its own.
     pub fn reset_answered(&mut self, number: u64) {
         let is_reset = |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over;
         let Some(place) = self.orders.iter().position(|it| it.number == number && is_reset(it)) else { return };

@@ -1,30 +1,30 @@
-//! The side of the clients: O3 and O7. Each has its own cutter of Modbus TCP.
+//! The side of the clients: O3 and O7. Each has its own parser of Modbus TCP.
 
 use super::log::What;
 use super::wire::{Exchange, Truth, WORDS};
 use super::{Checker, orders};
 
-/// The longest that a request may stay without its end: the 5 s after which clients are told, and a moment.
+/// The longest time of a request without an answer: the 5 s after which clients get one, and a moment.
 const ANSWERED_WITHIN: u64 = 5_000_000_000;
 /// Requests of one client in flight: 16, and a stop for each unit.
 const PENDING: usize = 24;
 
-/// What a request asks, as far as its answer can be checked.
+/// The kind of a request, as far as its answer can be checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
     /// Words of a drive's own registers.
     Native { drive: usize, address: u16, count: u16 },
-    /// Words of a drive's picture.
+    /// Words of a drive's view.
     Picture { drive: usize, address: u16, count: u16 },
     /// A write to a drive: the number of the order that it may be.
     Order { drive: usize, order: u64 },
     /// STOP for all drives.
     StopAll { order: u64 },
-    /// What goes to no drive.
+    /// A request for no drive.
     Other,
-    /// A write that nothing allows.
+    /// A write that is not allowed.
     Never,
-    /// A unit that nobody has.
+    /// A unit that does not exist.
     Nobody,
 }
 
@@ -36,7 +36,7 @@ pub struct Pending {
     pub function: u8,
     pub at: u64,
     pub ask: Ask,
-    /// The first four bytes behind the function.
+    /// The first four bytes after the function.
     pub head: [u8; 4],
 }
 
@@ -46,18 +46,18 @@ pub struct Client {
     sent: Vec<u8>,
     got: Vec<u8>,
     pub pending: Vec<Pending>,
-    /// What was sent is no Modbus TCP any more.
+    /// The bytes sent are no longer valid Modbus TCP.
     is_broken: bool,
 }
 
 impl Checker {
-    /// A client connected, in the place of one that is gone.
+    /// A client connected in place of one that has left.
     pub fn client_opened(&mut self, at: u64, who: usize) {
         self.log.add(at, What::Client, who as u16, b"connects");
         self.clients[who] = Client::default();
     }
 
-    /// A client's connection is gone: nothing more is owed to it.
+    /// A client's connection is closed: no more answers are expected.
     pub fn client_closed(&mut self, at: u64, who: usize, by_gateway: bool) {
         self.log.add(at, What::Client, who as u16, if by_gateway { b"is closed" } else { b"leaves" });
         let gone = std::mem::take(&mut self.clients[who]);
@@ -118,7 +118,7 @@ impl Checker {
         }
     }
 
-    /// A client got `bytes`.
+    /// A client received `bytes`.
     pub fn client_got(&mut self, at: u64, who: usize, bytes: &[u8]) {
         self.log.add(at, What::ClientGot, who as u16, bytes);
         if self.clients[who].got.is_empty() {
@@ -221,11 +221,11 @@ impl Checker {
         self.counts.words_checked += u64::from(count);
     }
 
-    /// O7: nobody waits for longer than he was promised.
+    /// O7: no client waits longer than promised.
     pub fn check_waiting(&mut self, at: u64) {
         for who in 0..self.clients.len() {
             let pending = &self.clients[who].pending;
-            // While the gateway stands still, no request is answered.
+            // While the gateway is suspended, no request is answered.
             let (from, until) = self.stood;
             let excuse = |asked: u64| if asked < until { until - from + ANSWERED_WITHIN } else { 0 };
             let oldest = pending.first().map(|it| it.at);
@@ -249,7 +249,7 @@ fn word_of(pdu: &[u8], place: u16) -> u16 {
     u16::from_be_bytes([pdu[at], pdu[at + 1]])
 }
 
-/// What stands at the start of a stream.
+/// The message at the start of a stream.
 enum Cut {
     More,
     Broken,

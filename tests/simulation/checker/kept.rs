@@ -1,4 +1,4 @@
-//! What is kept, and what a restart may do: O9 and O14, and O1, O2, O11 over the end of a life.
+//! What is kept, and what a restart may do: O9 and O14, and O1, O2, O11 across restarts.
 
 use super::Checker;
 use super::book::Book;
@@ -7,10 +7,10 @@ use super::tables::Kind;
 use super::wire::Exchange;
 use std::collections::HashMap;
 
-/// A trip that a drive showed for so long in one life must be kept.
+/// A trip that a drive showed for this long in one run must be kept.
 const SHOWN: u64 = 10_000_000_000;
-/// And in so many replies. A frame that nothing explains makes the next eight replies doubtful (rule 53), and between those
-/// the station may be left alone for long: a trip that is over by then is not told.
+/// And in so many replies. An unexplained frame makes the next eight replies doubtful (rule 53), and between those the
+/// station may be left alone for long: a trip that is over by then is not reported.
 const REPLIES: u32 = 11;
 /// Replies that show a count: the first, one that confirms it, and one beside the record.
 const COUNT_REPLIES: u32 = 3;
@@ -18,11 +18,11 @@ const COUNT_REPLIES: u32 = 3;
 /// Something that is kept now.
 #[derive(Clone, Copy, Debug)]
 pub enum Kept {
-    /// So many trips, and the drive's own count behind them.
+    /// The number of trips, and the drive's own count after them.
     Trips { trips: u16, count: Option<u16> },
 }
 
-/// What the gateway is told of a drive at its start, as far as it concerns what it may do.
+/// What the gateway knows of a drive at its start, as far as it affects what it may do.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Known {
     pub is_leased: bool,
@@ -51,7 +51,7 @@ pub struct Trips {
     owed: u32,
 }
 
-/// Attempts of the present life, and whether each has its end.
+/// Attempts of the present run, and whether each has its end.
 pub type Attempts = HashMap<u64, bool>;
 
 impl Checker {
@@ -75,7 +75,7 @@ impl Checker {
         }
     }
 
-    /// Somebody is shown so many trips.
+    /// A client reads this number of trips.
     pub fn trips_shown(&mut self, drive: usize, total: u32) {
         if total > self.trips[drive].kept {
             let text = format!("{total} trips of drive {drive} are shown: {:?}", self.trips[drive]);
@@ -83,7 +83,7 @@ impl Checker {
         }
     }
 
-    /// A reply was heard: what it shows of trips.
+    /// A reply was received: what it shows of trips.
     pub(super) fn shows_trips(&mut self, at: u64, drive: usize, exchange: &Exchange) {
         let word = |register: u16| {
             let offset = register.checked_sub(exchange.address).filter(|it| *it < exchange.count)?;
@@ -122,7 +122,7 @@ impl Checker {
         }
     }
 
-    /// Somebody's attempt to write is said, or its end.
+    /// A write attempt is reported, or its end.
     pub fn attempt(&mut self, id: u64, has_ended: bool) {
         let known = self.attempts.len() as u64;
         if self.attempts.insert(id, has_ended).is_some() || id != known + 1 {
@@ -160,7 +160,7 @@ impl Checker {
         }
     }
 
-    /// The next life begins; `known` is what it was told of each drive. What nobody remembers is left as it is.
+    /// The next run begins; `known` is what it knows of each drive. A drive that is not remembered is left as it is.
     pub fn restarted(&mut self, at: u64, known: &[Known]) {
         for (drive, known) in known.iter().enumerate() {
             let text = format!("restarted: {known:?}");
@@ -202,10 +202,10 @@ impl Book {
         }
     }
 
-    /// The drive is seen for the first time in this life: from now on what is declared must happen.
+    /// The drive is seen for the first time in this run: from now on the declared action must happen.
     pub(super) fn is_seen(&mut self, at: u64, runs: bool, bound: u64) {
         if !runs && self.zeros > 0 {
-            // Found at standstill: nothing is left to do.
+            // At standstill already: nothing to do.
             self.awaits_sight = false;
             self.remembered_stop = false;
         }

@@ -1,4 +1,4 @@
-//! Stops that have to leave, leases and the end: L1 and O11.
+//! Stops that must be sent, leases and the shutdown: L1 and O11.
 
 use super::Checker;
 use super::log::What;
@@ -18,12 +18,12 @@ impl Checker {
         longest + silence + stop * (self.line.drives.len() as u64 - 1)
     }
 
-    /// The commanders behind the broker gave a sign of life that is no order.
+    /// The clients behind the broker sent a heartbeat without an order.
     pub fn sign_of_life(&mut self, at: u64) {
         self.books.iter_mut().filter(|book| book.is_of_mqtt).for_each(|book| book.sign_at = at);
     }
 
-    /// The gateway is told to end.
+    /// The gateway is to shut down.
     pub fn ending(&mut self, at: u64) {
         self.log.add(at, What::World, 0, b"the gateway is told to end");
         self.books.iter_mut().for_each(|book| book.is_ending = true);
@@ -32,14 +32,14 @@ impl Checker {
     pub(super) fn port_changed(&mut self, at: u64, is_up: bool) {
         // A declared action has to wait for the port: its time counts from there.
         for book in &mut self.books {
-            // Without a port every order ends, how far it may have come.
+            // Without a port every order ends, whatever its progress.
             book.orders.iter_mut().for_each(|it| it.is_over |= !is_up);
             book.sign_at = book.sign_at.max(at);
             book.stop_due = book.stop_due.map(|_| at + self.bound);
         }
     }
 
-    /// Nobody has given a sign of life for so long that the declared action must have begun.
+    /// Checks that the declared action has begun if heartbeats were missing for too long.
     pub fn check_leases(&mut self, at: u64) {
         if !self.wire.is_up() {
             return;
@@ -53,7 +53,7 @@ impl Checker {
                 self.object("L1", || text);
                 continue;
             }
-            // On a line that somebody jams there is no bound.
+            // On a jammed line there is no bound.
             let until = (book.sign_at + it.lost_after).max(self.wire.noise_at) + self.bound;
             if book.is_running
                 && !book.awaits_sight
@@ -76,7 +76,7 @@ impl Checker {
         for drive in 0..self.books.len() {
             let book = &self.books[drive];
             let it = &self.line.drives[drive];
-            // One whose commander was lost is left as it is, if that is declared: nobody holds it at the end.
+            // One whose owner was lost is left as it is, if that is declared: it has no owner at the end.
             let is_held = it.on_lost == Action::Hold && at > book.moved_at.unwrap_or(0) + it.lost_after;
             let is_left = book.is_running && it.on_shutdown != Action::Hold && !is_held;
             if is_left && self.wire.is_up() {

@@ -1,4 +1,4 @@
-//! The last events, kept without any memory of their own and put into words only when something is wrong.
+//! The last events, kept without allocations and formatted only when something is wrong.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ const BYTES: usize = 256;
 pub enum What {
     /// A frame of the gateway.
     Frame,
-    /// What the asked drive gave as its reply, before any fault.
+    /// The reply of the addressed drive, before any fault.
     Truth,
     /// Bytes that the gateway was handed.
     Heard,
@@ -20,9 +20,9 @@ pub enum What {
     ClientSent,
     /// Bytes for a client.
     ClientGot,
-    /// A client came or went.
+    /// A client connected or left.
     Client,
-    /// The port came or went.
+    /// The port was opened or lost.
     Port,
     /// A message for the gateway.
     Message,
@@ -85,7 +85,7 @@ impl Log {
         self.hash
     }
 
-    /// The last events in words, oldest first.
+    /// The last events as text, oldest first.
     pub fn text(&self) -> String {
         let mut text = String::new();
         for place in self.next.saturating_sub(KEPT)..self.next {

@@ -1,4 +1,4 @@
-//! The side of the broker: what comes as a command and what is told of it. Topics and payloads are read here anew.
+//! The side of the broker: commands and their results. Topics and payloads are parsed independently.
 
 use super::Checker;
 use super::book::Wish;
@@ -6,20 +6,20 @@ use super::log::What;
 use super::orders::DEADLINE;
 use super::tables::Run;
 
-/// After a stop a plain RUN counts only behind this time.
+/// After a stop a plain RUN is accepted only after this time.
 const RESTART_DELAY: u64 = 2_000_000_000;
-/// How old something can be that came while nothing showed that the way stalls: the time between two probes, and until
-/// one is overdue.
+/// The greatest age of a message that arrived while no stall of the path was noticed: the time between two probes, and
+/// until one is overdue.
 const UNNOTICED: u64 = 1_350_000_000;
 /// The same while a connection is so young that its usual round trip is not known.
 const UNNOTICED_WHEN_YOUNG: u64 = 1_750_000_000;
 const YOUNG: u64 = 10_000_000_000;
-/// So far the clock of a commander may be ahead, in ms.
+/// How far the clock of a client may be ahead, in ms.
 const AHEAD: u64 = 2_000;
 /// Commands with an id, and epochs, that are remembered.
 const KEPT: usize = 64;
 
-/// What is remembered of the broker's side.
+/// The state of the broker's side.
 #[derive(Debug, Default)]
 pub struct Messages {
     /// Ids with the drive and the order that they were first used for.
@@ -32,12 +32,12 @@ pub struct Messages {
     /// The last order without an id: when it came, for which drive, and its number. `None` where another one came in the
     /// same moment, since a result does not tell which one it is for.
     plain: Option<(u64, usize, u64)>,
-    /// When the last message came, and whether it was the only one of its moment.
+    /// When the last message arrived, and whether it was the only one at that moment.
     came_at: u64,
     is_only_one: bool,
 }
 
-/// A message as it comes from the broker.
+/// A message as received from the broker.
 #[derive(Clone, Copy, Debug)]
 pub struct Inbound<'a> {
     pub topic: &'a str,
@@ -46,12 +46,12 @@ pub struct Inbound<'a> {
     pub duplicate: bool,
     /// The gateway's wall clock, in ms.
     pub wall_ms: u64,
-    /// When it was really issued, or first issued where it is a replay.
+    /// When it was actually issued, or first issued if it is a replay.
     pub issued: u64,
 }
 
 impl Checker {
-    /// The gateway's subscription was granted anew.
+    /// The gateway's subscription was granted again.
     pub fn broker_opened(&mut self, at: u64) {
         self.log.add(at, What::Message, 0, b"(subscribed)");
         self.messages.opened_at = at;
@@ -87,7 +87,7 @@ impl Checker {
 
     fn plain(&mut self, at: u64, drive: usize, run: Option<Run>, setpoint: Option<u16>, it: Inbound<'_>) {
         let stops = matches!(run, Some(Run::Stop | Run::Coast));
-        // A replay and a repeat order nothing; a stop that is live is carried out all the same.
+        // A replay and a repeat order nothing; a live stop is executed all the same.
         let counts = stops || !(it.retain || it.duplicate);
         if !counts || !self.line.drives[drive].has_control || (run, setpoint) == (None, None) {
             return;
@@ -179,20 +179,20 @@ impl Checker {
         }
     }
 
-    /// The gateway has forgotten which commands it had.
+    /// The gateway has forgotten which commands it received.
     pub(super) fn messages_forgotten(&mut self) {
         self.messages.ids.clear();
         self.messages.stamps.clear();
     }
 
-    /// Whether a stop came, or the way was opened anew, since `epoch` was shown.
+    /// Whether a stop arrived, or the path was reopened, since `epoch` was shown.
     fn is_old(&self, drive: usize, epoch: u64) -> bool {
         let shown = self.messages.epochs.iter().find(|(of, it, _)| (*of, *it) == (drive, epoch)).map(|(.., at)| *at);
         let stopped = self.books[drive].stopped_at.unwrap_or(0);
         shown.is_some_and(|shown| shown < stopped || shown < self.messages.opened_at)
     }
 
-    /// An order that nothing may follow.
+    /// An order from which no frame may follow.
     fn void(&mut self, drive: usize, number: u64) {
         self.void_order(drive, number);
     }
@@ -229,7 +229,7 @@ impl Checker {
         self.counts.results += 1;
         let outcome = text_behind(payload, "\"outcome\":\"");
         let Some(id) = number_behind(payload, "\"id\":\"o") else {
-            // What is refused in the moment in which it comes is that.
+            // An order that is refused on arrival orders nothing.
             let plain = self.messages.plain.take_if(|it| (it.0, it.1) == (at, drive) && outcome == Some("refused"));
             return plain.into_iter().for_each(|(.., order)| self.order_excepted(at, drive, order, 6));
         };
@@ -237,7 +237,7 @@ impl Checker {
         let Some((.., order)) = found.copied() else { return };
         let reason = text_behind(payload, "\"reason\":\"");
         match outcome {
-            // What was said before is said again, whatever has happened since.
+            // The earlier result is sent again, whatever has happened since.
             _ if payload.contains("\"repeat\":true") => {}
             // That is about the message and not about the order that had this id first.
             Some("refused") if matches!(reason, Some("retained" | "duplicate" | "stale")) => {}
@@ -265,7 +265,7 @@ fn centihertz(text: &str) -> Option<u16> {
     ((hertz - hertz.round()).abs() < 1e-6 && (0.0..65_535.0).contains(&hertz)).then_some(hertz.round() as u16)
 }
 
-/// What stands behind `key`, up to the end of the value.
+/// The value after `key`.
 fn text_behind<'a>(payload: &'a str, key: &str) -> Option<&'a str> {
     let rest = &payload[payload.find(key)? + key.len()..];
     rest.split(['"', ',', '}']).next()

@@ -1,20 +1,20 @@
-//! An observer that sees the wire, the north sides and the numbers of the configuration, and nothing of the gateway. It
-//! shares no code and no addresses with what it checks: CRC, cutters, registers and values are its own.
+//! An observer that sees the wire, the north sides and the numbers of the configuration, but nothing inside the
+//! gateway. It shares no code and no addresses with what it checks: CRC, parsers, registers and values are its own.
 //!
 //! | file | what it holds |
 //! | --- | --- |
 //! | `wire` | exchanges; O5, O6 |
 //! | `clients` | requests of clients and their answers; O3, O7 |
-//! | `orders` | what is ordered and what is told of it; O4, O8 |
+//! | `orders` | orders and their results; O4, O8 |
 //! | `written` | what is written and why; O1, O2 |
-//! | `book` | what is known of one drive |
+//! | `book` | the known state of one drive |
 //! | `messages` | commands and results over MQTT |
 //! | `picture` | what is served from memory; O13 |
 //! | `kept` | what is kept, and what a restart may do; O9, O14 |
-//! | `lease` | stops that have to leave, commanders that fall silent; L1, O11 |
+//! | `lease` | stops that must be sent, clients that stop responding; L1, O11 |
 //! | `motor` | the true state of the motors, and what is reported of them; M1 to M5 |
 //! | `tables` | numbers typed from the vendors' manuals |
-//! | `crc`, `log` | the check of frames; the last events, for people |
+//! | `crc`, `log` | the check of frames; the last events as text |
 
 pub mod book;
 pub mod clients;
@@ -39,20 +39,20 @@ use motor::Motor;
 use tables::Line;
 use wire::Wire;
 
-/// Something that must not be.
+/// A violation of an invariant.
 #[derive(Clone, Debug)]
 pub struct Violation {
     /// Which invariant.
     pub rule: &'static str,
     pub text: String,
-    /// At which moment (ns) and behind how many exchanges.
+    /// At which moment (ns) and after how many exchanges.
     pub at: u64,
     pub exchange: u64,
-    /// The last events in words.
+    /// The last events as text.
     pub events: String,
 }
 
-/// What was looked at.
+/// Counts of what was checked.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
     pub requests: u64,
@@ -66,7 +66,7 @@ pub struct Counts {
     pub mistakable: u64,
     pub messages: u64,
     pub results: u64,
-    /// Run states that were held against the truth.
+    /// Run states that were compared with the truth.
     pub states: u64,
 }
 
@@ -85,7 +85,7 @@ pub struct Checker {
     attempts: kept::Attempts,
     /// There is a journal.
     pub keeps: bool,
-    /// When the gateway stood still last.
+    /// When the gateway was last suspended.
     stood: (u64, u64),
     order_count: u64,
     bound: u64,
@@ -94,7 +94,7 @@ pub struct Checker {
     found: Option<Violation>,
 }
 
-/// How often what only time brings about is looked at, in ns.
+/// Interval of time-dependent checks, in ns.
 const LOOK_EVERY: u64 = 100_000_000;
 
 impl Checker {
@@ -122,7 +122,7 @@ impl Checker {
         checker
     }
 
-    /// Time has come to `at`. What came before is settled.
+    /// Time advances to `at`. What happened before is settled.
     pub fn time(&mut self, at: u64) {
         if at > self.now {
             self.now = at;
@@ -138,13 +138,13 @@ impl Checker {
         }
     }
 
-    /// The gateway stands still until then.
+    /// The gateway is suspended until then.
     pub fn stands_still(&mut self, from: u64, until: u64) {
         self.note(from, 0, "the process stands still");
         self.stood = (from, until);
     }
 
-    /// The gateway stood still: no request was answered, and no frame was sent.
+    /// The gateway was suspended: no request was answered, and no frame was sent.
     pub fn stood_still(&mut self, from: u64, until: u64) {
         self.log.add(until, What::World, 0, b"the process goes on");
         self.stood = (from, until);
@@ -156,7 +156,7 @@ impl Checker {
         self.log.add(at, What::World, who as u16, text.as_bytes());
     }
 
-    /// Whoever carries out what the gateway says has seen something that must not be.
+    /// Reports a violation that was found while executing the gateway's effects.
     pub fn says(&mut self, rule: &'static str, text: &str) {
         self.object(rule, || text.to_owned());
     }

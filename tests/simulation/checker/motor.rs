@@ -3,8 +3,8 @@
 //!
 //! | rule | what it says |
 //! | --- | --- |
-//! | M1 | a STOP that is answered with success was sent to a drive that runs, or one was on its way |
-//! | M2 | no order goes out that is older than a STOP of that drive, or older than its time |
+//! | M1 | a STOP that is answered with success was sent to a drive that runs, or one was under way |
+//! | M2 | no order is sent that is older than a STOP of that drive, or older than its time limit |
 //! | M3 | a drive is not left with a reset in its run command |
 //! | M4 | each trip is reported once, and none that did not happen |
 //! | M5 | a run state that is shown was true within its age |
@@ -12,11 +12,11 @@
 use super::Checker;
 use super::tables::{Kind, Run};
 
-/// What is shown and counts as fresh is at most so many poll periods old.
+/// A fresh value is at most this many poll periods old.
 const PERIODS: u64 = 3;
-/// The time that a reset may take on a line that is there.
+/// The time that a reset may take on an open line.
 const RESET_TAKES: u64 = 15_000_000_000;
-/// A stop that is not effective goes again within this time; one that is ordered again meanwhile is the same.
+/// A stop without effect is sent again within this time; one that is ordered again meanwhile is the same.
 const GOES_AGAIN: u64 = 4_300_000_000;
 /// Output below that is standstill to a drive that only shows its frequency, in 0.01 Hz.
 const TURNS: u32 = 10;
@@ -35,24 +35,24 @@ const REVERSE: u16 = 3;
 const TRIPPED: u16 = 4;
 const RUNNING: u16 = 6;
 
-/// A motor and its drive, as they are.
+/// The actual state of a motor and its drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct State {
     pub is_on: bool,
-    /// It is ordered to run, whoever ordered it.
+    /// It is ordered to run, by any party.
     pub is_ordered: bool,
     /// Output frequency in 0.01 Hz, without its sign.
     pub output: u32,
     pub is_tripped: bool,
     /// How often it tripped.
     pub trips: u16,
-    /// What its run command holds.
+    /// The word in its run command.
     pub run_word: u16,
     /// It does not take stops.
     pub refuses_stops: bool,
 }
 
-/// What is known of one motor.
+/// The known state of one motor.
 #[derive(Clone, Debug, Default)]
 pub struct Motor {
     state: State,
@@ -73,7 +73,7 @@ pub struct Motor {
     /// Since when its run command holds a reset, and whether it has refused to end that.
     resets_since: Option<u64>,
     keeps_reset: bool,
-    /// It held one, and no stop has been answered as taken since: the gateway cannot know that the reset is gone.
+    /// It held one, and no stop has been acknowledged since: the gateway cannot know that the reset is gone.
     may_keep_reset: bool,
     /// When we wrote the stop that takes it back last, and whether the drive's answer to that was heard.
     taken_back_at: u64,
@@ -109,13 +109,13 @@ impl Motor {
         self.rests_since.is_some()
     }
 
-    /// Whether it stands and nothing that was ordered before can move it: it rests, or a trip has ended what it did.
+    /// Whether it is at standstill and no earlier order can move it: it is at rest, or has tripped.
     pub const fn stands(&self) -> bool {
         self.rests() || (self.state.is_tripped && self.state.output == 0)
     }
 
-    /// Whether a stop that is written at `at` takes back a reset that the drive keeps, not sooner than `every` after the one
-    /// before. One that was due before the process was suspended, until `stood_until`, goes out after it.
+    /// Whether a stop that is written at `at` takes back a reset that the drive keeps, not sooner than `every` after
+    /// the one before. One that was due before the process was suspended, until `stood_until`, is sent after that.
     pub fn takes_back(&mut self, at: u64, every: u64, stood_until: u64) -> bool {
         let is_soon = at < self.taken_back_at + every && self.taken_back_at >= stood_until + every;
         let is_due = self.may_keep_reset && !(is_soon && self.take_back_is_answered);
@@ -130,7 +130,7 @@ fn since(is_so: bool, before: Option<u64>, at: u64) -> Option<u64> {
 }
 
 impl Checker {
-    /// This is how the motor of `drive` and its drive are at `at`.
+    /// Notes the actual state of the motor of `drive` at `at`.
     pub fn sees_motor(&mut self, at: u64, drive: usize, state: State) {
         let facts = self.line.drives[drive].kind.facts();
         let holds_reset = facts.run_of(state.run_word) == Some(Run::Reset)
@@ -158,7 +158,7 @@ impl Checker {
         }
     }
 
-    /// A frame of ours that stops went to `drive`, or to all.
+    /// A stop frame of ours was sent to `drive`, or to all.
     pub(super) fn stop_sent(&mut self, at: u64, drive: usize) {
         let motor = &mut self.motors[drive];
         motor.stopped_by_us = Some(at);
@@ -167,22 +167,23 @@ impl Checker {
         motor.risen_since = None;
     }
 
-    /// The drive answered a write to its run command, and that was heard.
+    /// The drive answered a write to its run command, and the answer was received.
     pub(super) fn run_write_answered(&mut self, drive: usize) {
         self.motors[drive].take_back_is_answered = true;
     }
 
-    /// The drive answered a stop of ours as taken, and that was heard.
+    /// The drive acknowledged a stop of ours, and the answer was received.
     pub(super) fn stop_taken(&mut self, drive: usize) {
         self.motors[drive].may_keep_reset = false;
     }
 
-    /// A frame of ours that starts went to `drive`. Whether it may is another rule's; no stop before it is owed any more.
+    /// A start frame of ours was sent to `drive`. Another rule checks whether it was allowed; no earlier stop is due
+    /// any more.
     pub(super) fn run_sent(&mut self, drive: usize) {
         self.motors[drive].owes_since = None;
     }
 
-    /// A stop is asked for.
+    /// A stop is requested.
     pub(super) fn stop_asked(&mut self, at: u64, drive: usize, number: u64) {
         let motor = &mut self.motors[drive];
         let found_at_rest = motor.rests();
@@ -216,7 +217,7 @@ impl Checker {
         }
     }
 
-    /// How long what counts as fresh may lag behind the truth.
+    /// How long a fresh value may lag behind the truth.
     fn lag(&self, drive: usize) -> u64 {
         PERIODS * self.line.drives[drive].poll + self.bound
     }
@@ -228,7 +229,7 @@ impl Checker {
         let Some(place) = motor.asked.iter().position(|it| it.number == number) else { return };
         let asked = motor.asked.remove(place).at;
         if motor.rests() {
-            // There was nothing to stop, and what came after it counts.
+            // There was nothing to stop, and later orders count.
             self.books[drive].stop_was_none(number);
             return;
         }
@@ -245,7 +246,7 @@ impl Checker {
             return;
         }
         let has_risen = motor.risen_since.is_some_and(|risen| at > risen + lag);
-        // A stop that was on its way when the process was suspended goes on with it.
+        // A stop that was under way when the process was suspended continues with it.
         let goes_on = asked < self.stood.1 + lag;
         if motor.stopped_by_us.is_some() && (goes_on || !has_risen) {
             motor.owes_since = Some(at);
@@ -281,7 +282,7 @@ impl Checker {
         }
     }
 
-    /// So many trips of `drive` are reported.
+    /// A number of trips of `drive` is reported.
     pub fn trips_told(&mut self, drive: usize, trips: u16) {
         let motor = &mut self.motors[drive];
         motor.told += u32::from(trips);
@@ -306,7 +307,7 @@ impl Checker {
         }
     }
 
-    /// M5: the run state among `count` words from `address` on that a client got.
+    /// M5: the run state among `count` words from `address` on that a client received.
     pub(super) fn check_run_state(&mut self, at: u64, drive: usize, address: u16, count: u16, pdu: &[u8]) {
         if address > STATUS || address + count <= RUN_STATE {
             return;

@@ -1,4 +1,4 @@
-//! What is ordered of drives and what is told of it: O4 and O8. A book for each drive says what may be written.
+//! Orders to drives and their results: O4 and O8. A book for each drive says what may be written.
 
 use super::Checker;
 use super::book::{Order, Stop, Wish};
@@ -6,16 +6,16 @@ use super::clients::Ask;
 use super::tables::{Facts, Run};
 use super::wire::{Exchange, Truth};
 
-/// A command without a deadline of its own leaves within this time or never.
+/// A command without a deadline of its own is sent within this time or never.
 pub const DEADLINE: u64 = 1_000_000_000;
 /// Orders that are remembered for a drive.
 const ORDERS: usize = 48;
-/// After so long nothing of an order can follow.
+/// After this time no frame of an order can follow.
 const FORGOTTEN: u64 = 60_000_000_000;
 /// How long after a stop its frame may be one more of the same.
 const REPEATED_FOR: u64 = 30_000_000_000;
 
-/// The wish in a write to a drive's own registers.
+/// The order in a write to a drive's own registers.
 pub fn of_native(facts: &Facts, pdu: &[u8]) -> Option<Wish> {
     let word = |at: usize| pdu.get(at..at + 2).map(|it| u16::from_be_bytes([it[0], it[1]]));
     let (address, values) = match (pdu[0], pdu.len()) {
@@ -36,7 +36,7 @@ pub fn of_native(facts: &Facts, pdu: &[u8]) -> Option<Wish> {
     Some(wish)
 }
 
-/// The wish in a write to a uniform unit.
+/// The order in a write to a uniform unit.
 pub fn of_uniform(pdu: &[u8]) -> Option<Wish> {
     let word = |at: usize| pdu.get(at..at + 2).map(|it| u16::from_be_bytes([it[0], it[1]]));
     let run = |value| {
@@ -69,7 +69,7 @@ pub fn of_uniform(pdu: &[u8]) -> Option<Wish> {
 }
 
 impl Checker {
-    /// A client orders something of `drive`.
+    /// A client sends an order to `drive`.
     pub(super) fn order(&mut self, at: u64, who: usize, drive: usize, wish: impl Fn(&Facts) -> Option<Wish>) -> Ask {
         let it = &self.line.drives[drive];
         match wish(it.kind.facts()).filter(|_| it.has_control) {
@@ -78,7 +78,7 @@ impl Checker {
         }
     }
 
-    /// Notes an order. One of a client, of which two have one address, may turn out to change nothing.
+    /// Notes an order. That of a client, two of which share an address, may turn out to change nothing.
     pub(super) fn take_order(&mut self, at: u64, drive: usize, wish: Wish, before: u64, by: Option<usize>) -> u64 {
         let cyclic = by.is_some();
         self.order_count += 1;
@@ -112,9 +112,10 @@ impl Checker {
                 book.orders.remove(0);
             }
         }
-        // Which of two equal orders a frame belongs to is not always known: whoever may hold the lease, holds it.
+        // Which of two equal orders a frame belongs to is not always known: a client that may hold the lease counts as
+        // its holder.
         book.is_of_mqtt |= !cyclic && wish != Wish::default();
-        // A stop is over for the gateway once it has read that the motor stands.
+        // A stop is complete for the gateway once it has read that the motor is at standstill.
         let is_void = book.stop.is_pending && wish.register.is_none() && !self.motors[drive].stands();
         let order = Order {
             number,
@@ -136,11 +137,12 @@ impl Checker {
         number
     }
 
-    /// A client orders all drives to stop. Of a drive that is stopped only its frame tells whether that changed something.
+    /// A client orders all drives to stop. For a stopped drive only a frame shows whether that changed something.
     pub(super) fn stop_all(&mut self, at: u64, who: usize) -> u64 {
         self.order_count += 1;
         for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
-            (book.sign_at, book.asked[0]) = (at, true);
+            book.sign_at = at;
+            book.asked[0] = true;
             book.stop_comes(at, self.order_count, Some(who / 2), false);
             if book.may_be_stopped(at) {
                 book.void_given_up(at);
@@ -158,13 +160,13 @@ impl Checker {
         number
     }
 
-    /// All drives were told to stop, and that is answered.
+    /// The stop of all drives is answered.
     pub(super) fn all_stopped(&mut self, at: u64, number: u64) {
         self.books.iter_mut().for_each(|book| book.fresh.retain(|(it, ..)| *it != number));
         self.all_stops_answered(at, number);
     }
 
-    /// Stops that came and were not answered from memory at once are new ones.
+    /// Stops that were not answered from memory at once are new ones.
     pub(super) fn settle_stops(&mut self, drive: usize) {
         let stands = self.motors[drive].stands();
         let book = &mut self.books[drive];
@@ -189,26 +191,26 @@ impl Checker {
                 is_coast,
                 last_output: book.stop.last_output,
             };
-            // What moves nothing goes on. At standstill a stop may be done at once, and what came after it counts.
+            // Orders that move nothing continue. At standstill a stop may be done at once, and later orders count.
             let goes_on = |it: &Order| it.wish.register.is_some() || (stands && it.number > number);
             book.orders.iter_mut().for_each(|it| it.is_void |= !goes_on(it));
         }
     }
 
-    /// Nothing may follow from this order, which was issued too long ago, or before a stop.
+    /// No frame may follow from this order, which was issued too long ago, or before a stop.
     pub(super) fn outdate_order(&mut self, drive: usize, number: u64, issued: u64) {
         let order = self.books[drive].orders.iter_mut().find(|it| it.number == number);
         order.into_iter().for_each(|it| (it.is_void, it.issued_old) = (true, Some(issued)));
     }
 
-    /// Nothing may follow from this order.
+    /// No frame may follow from this order.
     pub(super) fn void_order(&mut self, drive: usize, number: u64) {
         let orders = &mut self.books[drive].orders;
         orders.iter_mut().filter(|it| it.number == number).for_each(|it| it.is_void = true);
     }
 
-    /// The one who ordered is gone before he was told. Only its frame tells whether a stop changed something; of anything
-    /// else nothing may follow if nothing was sent.
+    /// The client left before the result. Only a frame shows whether a stop changed something; no frame of another
+    /// order may follow if none was sent.
     pub(super) fn nobody_is_told(&mut self, drive: usize, number: u64) {
         let book = &mut self.books[drive];
         if let Some(place) = book.fresh.iter().position(|(it, ..)| *it == number) {
@@ -223,7 +225,7 @@ impl Checker {
         self.stop_refused(drive, number);
         let it = self.line.drives[drive];
         let lost_after = it.lost_after;
-        // What the drive itself answers is passed on.
+        // The drive's own answer is passed on.
         let newest = self.wire.newest().filter(|newest| newest.station == it.station);
         let is_of_drive = newest.is_some_and(|newest| newest.truth == Truth::Exception(code));
         let book = &mut self.books[drive];
@@ -300,7 +302,7 @@ impl Checker {
         }
     }
 
-    /// A reply was heard.
+    /// A reply was received.
     pub(super) fn answered(&mut self, at: u64, exchange: &Exchange) {
         let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
         let facts = self.line.drives[drive].kind.facts();

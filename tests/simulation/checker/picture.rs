@@ -1,17 +1,18 @@
-//! What is served from memory: O13.
+//! Answers from memory: O13.
 
 use super::Checker;
 use super::wire::Truth;
 
 /// A measurement is stale after this many of its poll periods.
 const PERIODS: u64 = 3;
-/// What an unsigned word of the uniform map reads that is not known.
+/// The value of an unknown unsigned word of the uniform map.
 const ABSENT: u16 = 0xFFFF;
 /// The output frequency in the uniform map, 0.01 Hz.
 const OUTPUT: u16 = 4;
 
 impl Checker {
-    /// The output frequency, if it is among the words that a client got, is one that the drive gave lately.
+    /// Checks that the output frequency, if it is among the words that a client received, is one that the drive gave
+    /// recently.
     pub(super) fn check_picture(&mut self, at: u64, drive: usize, address: u16, count: u16, pdu: &[u8]) {
         if pdu.len() != 2 + 2 * usize::from(count) {
             return self.object("O3", || format!("{count} words were asked for, {} bytes came", pdu.len()));
@@ -23,7 +24,7 @@ impl Checker {
         self.shown(at, drive, word);
     }
 
-    /// Somebody is shown `word` as the output frequency of `drive`.
+    /// A client reads `word` as the output frequency of `drive`.
     pub(super) fn shown(&mut self, at: u64, drive: usize, word: u16) {
         if word == ABSENT {
             return;
@@ -38,8 +39,8 @@ impl Checker {
         }
     }
 
-    /// Whether the drive gave this output in a reply that came too late for its own request: the next one, with the same
-    /// request, may have taken it.
+    /// Whether the drive gave this output in a reply that was too late for its own request: the next exchange, with the
+    /// same request, may have accepted it.
     fn gave_late(&self, at: u64, drive: usize, word: u16, age: u64) -> bool {
         let it = &self.line.drives[drive];
         let output = it.kind.facts().output;

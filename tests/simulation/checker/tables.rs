@@ -1,4 +1,4 @@
-//! What the checker knows of drives: numbers typed from the vendors' manuals, and the line and drives that it is told of.
+//! What the checker knows of drives: numbers typed from the vendors' manuals, and the configured line and drives.
 
 /// A kind of drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub struct Facts {
     pub listed: u16,
     /// A range that clients read: first register and most words.
     pub readable: (u16, u16),
-    /// The station that all hear and nobody answers.
+    /// The broadcast station.
     pub broadcast: Option<u8>,
 }
 
@@ -121,7 +121,7 @@ impl Facts {
     }
 }
 
-/// What is done when a commander is lost, or at the end.
+/// The action when the owner is lost, or at shutdown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     Stop,
@@ -129,7 +129,7 @@ pub enum Action {
     Hold,
 }
 
-/// One drive as it is configured. Times in ns.
+/// One drive as configured. Times in ns.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive {
     pub kind: Kind,

@@ -11,16 +11,16 @@ const KEPT: usize = 256;
 pub const WORDS: usize = 40;
 /// Most bytes that are kept of what was heard since the last frame.
 const HEARD: usize = 600;
-/// Somebody who has talked for so long without a pause is talked over by a stop.
+/// A stop is sent over a node that has talked for this long without a pause.
 const JAMMED: u64 = 500_000_000;
 /// How long the drives are left alone after a frame to all of them.
 const TURNAROUND: u64 = 100_000_000;
-/// Replies of a drive of which the slowest says how long a stop for another may have to wait for it.
+/// Replies of a drive whose slowest determines how long a stop for another drive may have to wait for it.
 const REPLIES: usize = 64;
 /// The shortest wait for a reply that the gateway may have: that for a drive known to be silent.
 const PROBE: u64 = 100_000_000;
 
-/// What the asked drive really gave.
+/// The actual reply of the addressed drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Truth {
     /// Nothing.
@@ -47,7 +47,7 @@ pub struct Exchange {
     pub values: [u16; 2],
     pub truth: Truth,
     pub words: [u16; WORDS],
-    /// When the reply was heard that the drive gave in this exchange.
+    /// When the drive's reply in this exchange was received.
     pub heard_at: Option<u64>,
     /// The wait for the reply, in ns.
     pub timeout: u64,
@@ -63,22 +63,22 @@ pub struct Wire {
     quiet_from: u64,
     heard: Vec<u8>,
     truth: Vec<u8>,
-    /// Since then something was heard or sent without a silence in between.
+    /// Since when bytes were received or sent without a silence in between.
     talks_since: u64,
-    /// The frame that was sent last went over somebody who talked, and is waited for until then.
+    /// The last frame was sent over a talking node, and is waited for until then.
     waits_in_jam_until: u64,
     /// The drives are left alone until then.
     held_until: u64,
     /// How long the newest replies took to begin, for each station; and how many there were.
     replies: Vec<(u8, [u64; REPLIES], usize)>,
-    /// The exchange that was sent last still waits.
+    /// The last exchange is still open.
     is_open: bool,
     is_up: bool,
-    /// Something was heard that looks like the reply to the open exchange and is another one.
+    /// Bytes were received that look like the reply to the open exchange but are not.
     was_mistakable: bool,
-    /// When the port opened last.
+    /// When the port was last opened.
     up_since: u64,
-    /// When something was heard last that was no reply as a whole.
+    /// When bytes that are not a complete reply were last received.
     pub noise_at: u64,
     pub shortest_excess: u64,
 }
@@ -114,7 +114,7 @@ impl Wire {
         self.is_up
     }
 
-    /// When the port opened last.
+    /// When the port was last opened.
     pub const fn up_since(&self) -> u64 {
         self.up_since
     }
@@ -141,7 +141,7 @@ impl Wire {
         }
     }
 
-    /// The slowest of the newest replies of `station`; nothing while there were few.
+    /// The slowest of the newest replies of `station`; `None` while there were few.
     fn slowest_reply(&self, station: u8) -> Option<u64> {
         let (_, times, count) = self.replies.iter().find(|it| it.0 == station)?;
         if *count < REPLIES { None } else { times.iter().max().copied() }
@@ -164,7 +164,7 @@ impl Wire {
 }
 
 impl Checker {
-    /// The port came or went at `at`.
+    /// The port was opened or lost at `at`.
     pub fn port(&mut self, at: u64, is_up: bool) {
         self.log.add(at, What::Port, 0, if is_up { b"up" } else { b"down" });
         self.wire.is_up = is_up;
@@ -174,7 +174,7 @@ impl Checker {
         self.port_changed(at, is_up);
     }
 
-    /// The gateway handed `frame` to the port at `at`, and the asked drive gave `truth` as its reply, perhaps nothing.
+    /// The gateway wrote `frame` to the port at `at`, and the addressed drive replied with `truth`, if at all.
     pub fn request(&mut self, at: u64, frame: &[u8], truth: &[u8]) {
         self.log.add(at, What::Frame, 0, frame);
         self.log.add(at, What::Truth, 0, truth);
@@ -248,7 +248,7 @@ impl Checker {
         }
     }
 
-    /// Whether `frame` is a stop, whomever it is for.
+    /// Whether `frame` is a stop, for any station.
     fn is_stop(&self, frame: &[u8]) -> bool {
         let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
         let written = match (frame[1], frame.len()) {
@@ -260,8 +260,8 @@ impl Checker {
         kinds.any(|facts| word(2) == facts.run && matches!(facts.run_of(written), Some(Run::Stop | Run::Coast)))
     }
 
-    /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for. A stop for another
-    /// drive waits only until the slowest reply would have come.
+    /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for. A stop for
+    /// another drive waits only until the slowest reply would have arrived.
     fn may_open(&mut self, at: u64, frame: &[u8]) {
         let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else { return };
         let waited = at.saturating_sub(last.end);
@@ -309,13 +309,13 @@ impl Checker {
         })
     }
 
-    /// The gateway was handed `bytes` at `at`.
+    /// The gateway received `bytes` at `at`.
     pub fn heard(&mut self, at: u64, bytes: &[u8]) {
         self.log.add(at, What::Heard, 0, bytes);
         self.time(at);
         let wire = &mut self.wire;
-        // Nothing can go in a silence that falls into the wait for our own frame, nor in one that ends in the moment in which
-        // it is long enough: whoever talked talks on.
+        // No frame can be sent in a silence that falls into the wait for our own frame, nor in one that ends at the
+        // moment in which it is long enough: the node goes on talking.
         if at > (wire.quiet_from + wire.silence).max(wire.waits_in_jam_until) {
             wire.talks_since = at;
         }
@@ -327,7 +327,7 @@ impl Checker {
         while let Some(last) = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none()) {
             let Some(place) = reply_in(last, &wire.heard) else { break };
             if wire.heard[place.clone()] != wire.truth[..] {
-                // It looks like the reply and is none, so the reply may still come.
+                // It looks like the reply but is not, so the reply may still arrive.
                 wire.heard.drain(..place.end);
                 wire.was_mistakable = true;
                 self.counts.mistakable = self.counts.mistakable + 1;
@@ -339,7 +339,7 @@ impl Checker {
             let last = *last_of(&self.wire);
             let reply = self.line.on_wire(self.wire.truth.len());
             let after = at.saturating_sub(last.end + reply);
-            // Nobody has to learn from what came too late.
+            // Late replies need not be learned from.
             if after <= last.timeout {
                 self.wire.replied(last.station, after);
             }
@@ -358,7 +358,7 @@ fn reply_bytes(exchange: &Exchange) -> usize {
     if exchange.function == 3 { 5 + 2 * usize::from(exchange.count) } else { 8 }
 }
 
-/// Where a sound reply to `exchange` stands in `bytes`.
+/// The position of a sound reply to `exchange` in `bytes`.
 fn reply_in(exchange: &Exchange, bytes: &[u8]) -> Option<std::ops::Range<usize>> {
     let length = reply_bytes(exchange);
     (0..bytes.len().saturating_sub(4)).find_map(|start| {
@@ -377,7 +377,7 @@ fn reply_in(exchange: &Exchange, bytes: &[u8]) -> Option<std::ops::Range<usize>>
     })
 }
 
-/// What `frame`, which a drive gave, says in `exchange`.
+/// The meaning of `frame`, which a drive sent, in `exchange`.
 fn truth_of(exchange: &Exchange, frame: &[u8]) -> (Truth, [u16; WORDS]) {
     let mut words = [0; WORDS];
     let word = |at: usize| frame.get(at..at + 2).map_or(0, |it| u16::from_be_bytes([it[0], it[1]]));

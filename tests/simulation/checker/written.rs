@@ -5,17 +5,17 @@ use super::book::Order;
 use super::tables::{Action, Run};
 use super::wire::{Exchange, Truth};
 
-/// A stop that the drive has answered this often since it was asked for is repeated no more, and once more for each
-/// [`REPEATED_EVERY`]: after bursts and strays its echoes may be in doubt, and what it does may not be known for long.
+/// A stop that the drive has answered this often since it was requested is no longer repeated, except once for each
+/// [`REPEATED_EVERY`]: after bursts and strays its echoes may be in doubt, and its state may be unknown for long.
 const REPEATS: u32 = 16;
 const REPEATED_EVERY: u64 = 3_000_000_000;
-/// A drive that keeps a reset word is told to take it back this often at most.
+/// Most stops that take back a reset word that the drive keeps.
 const TAKEN_BACK_EVERY: u64 = 1_000_000_000;
-/// Within this time a reset that has begun is over.
+/// A reset that has begun ends within this time.
 const RESET_TAKES: u64 = 10_000_000_000;
 
 impl Checker {
-    /// A write of ours went out.
+    /// A write of ours was sent.
     pub(super) fn written(&mut self, exchange: &Exchange) {
         let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
         self.counts.writes += 1;
@@ -71,7 +71,7 @@ impl Checker {
         }
     }
 
-    /// The age of an order that this would belong to, were it not too old.
+    /// The age of an order that this would belong to if it were not too old.
     fn old_order(&self, drive: usize, address: u16, value: u16, at: u64) -> Option<u64> {
         let facts = self.line.drives[drive].kind.facts();
         let run = (address == facts.run).then(|| facts.run_of(value)).flatten();
@@ -113,7 +113,7 @@ impl Checker {
         let is_next =
             |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
         let is_fit = |it: &Order| it.sent == 0 && !it.is_void && at < it.before;
-        // One that has begun goes on; else it is the oldest that waits.
+        // One that has begun continues; otherwise it is the oldest that waits.
         let begun =
             book.orders.iter().rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
         let place = begun.or_else(|| book.orders.iter().position(|it| is_next(it) && is_fit(it)));
@@ -172,11 +172,11 @@ impl Checker {
             self.settle_stops(drive);
             return true;
         }
-        // Until it is answered as it should be, and that is in no doubt, it goes on at its rate.
+        // Until it is answered correctly and without doubt, it is repeated at its rate.
         let since = exchange.at.saturating_sub(book.last_stop_at);
         let repeats = REPEATS + u32::try_from(since / REPEATED_EVERY).unwrap_or(u32::MAX - REPEATS);
         let is_explained = is_lost || (book.asked[usize::from(is_coast)] && book.echoes <= repeats);
-        // One that was answered from memory, and goes out after all because the motor turns, is new.
+        // One that was answered from memory, and is sent after all because the motor turns, is new.
         if is_explained && (has_moved || (turns && !book.stop.is_pending)) {
             book.fresh.push((u64::MAX, exchange.at, is_coast));
             self.settle_stops(drive);
@@ -195,8 +195,8 @@ impl Checker {
         takes_back
     }
 
-    /// The stop that ends a reset goes up to four times. Where the drive has not taken it, it is sent again whenever the motor
-    /// is seen at standstill: the reset word must not stay.
+    /// The stop that ends a reset is sent up to four times. If the drive has not accepted it, it is sent again whenever
+    /// the motor is seen at standstill: the reset word must not stay.
     fn repeats_end_of_reset(&mut self, drive: usize, at: u64, value: u16) -> bool {
         let words = self.line.drives[drive].kind.facts().reset;
         let book = &mut self.books[drive];
