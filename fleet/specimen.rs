@@ -163,7 +163,7 @@ fn message(it: &Publication) -> Message<'_> {
     }
 }
 
-/// A drive that turns under somebody's control, with a value in every register that is polled.
+/// A running drive that is under control, with a value in every register that is polled.
 fn view(drive: &DriveDescription, at: Moment) -> DriveView {
     let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
     view.snapshot.presence = Presence::Online;

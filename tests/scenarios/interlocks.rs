@@ -239,7 +239,8 @@ fn a_register_that_wears_out_is_written_if_listed_and_then_seldom() {
         rig.live(SECOND * 11);
         assert_ne!(rig.commanded(MQTT, register(address.number(), value)).0, Outcome::Refused, "{}", model.id);
     }
-    // Whoever sits at the gateway restores parameters, which no list names; no more often than that, and not while another runs it.
+    // Only the local socket may restore parameters, which no list names; no more often than that, and not while another
+    // client runs the drive.
     let mut rig = rig_of(&model("hyundai-n700"), accepting());
     assert_eq!(rig.commanded(LOCAL, register(0x020C, 50)).0, Outcome::Confirmed);
     assert_eq!(rig.commanded(LOCAL, register(0x020C, 60)), (Outcome::Refused, Reason::WrittenTooOften));

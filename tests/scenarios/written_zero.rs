@@ -50,7 +50,7 @@ fn stopped(model: &Arc<Model>) -> Rig {
     rig.live(SECOND * 8);
     assert_eq!(rig.output(1), 0, "{}", model.id);
     assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Acknowledged, Reason::Unchanged), "{}", model.id);
-    // What the drive shows behind it bears that out.
+    // What the drive shows afterwards confirms that.
     rig.live(SECOND);
     rig.sent.clear();
     rig

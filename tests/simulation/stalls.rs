@@ -109,7 +109,7 @@ impl World {
         stalls.until.sort();
     }
 
-    /// Data that waited in continuing connections arrives now; `has_waited` if for a suspended process.
+    /// Data that waited in continuing connections arrives now; `has_waited` if the process was suspended.
     fn clients_go_on(&mut self, has_waited: bool) {
         while let Some(stalls) = &mut self.stalls
             && stalls.until.first().is_some_and(|(at, _)| *at <= self.now)
@@ -171,7 +171,7 @@ impl World {
         self.commanders_act();
     }
 
-    /// The gateway was suspended for `time`, and knows it.
+    /// The gateway was suspended for `stood`, and knows it.
     fn mqtt_stood_still(&mut self, stood: Duration) {
         let (now, Some(side)) = (self.now, &mut self.mqtt) else { return };
         if side.is_connected {

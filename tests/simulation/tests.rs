@@ -119,7 +119,7 @@ impl Trace {
         self.late(input, payload, 0)
     }
 
-    /// A message arrives that was issued some ms ago.
+    /// A message arrives that was issued `millis` ms ago.
     fn late(mut self, input: &str, payload: &str, millis: u64) -> Self {
         let issued = self.now - millis * MS;
         let topic = format!("vfd/plant/drive/d0/{input}");

@@ -133,7 +133,7 @@ mod tests {
             b"\x16\x08operator",         // IA5String
             b"\x04\x08operator",         // OCTET STRING
             b"\x30\x0a\x0c\x08operator", // a SEQUENCE of it
-            b"\x0c\x08operator\x00",     // something behind it
+            b"\x0c\x08operator\x00",     // trailing bytes
             b"\x0c\x09operator",         // cut off
             b"\x0c\x02\xff\xff",         // no UTF-8
         ] {

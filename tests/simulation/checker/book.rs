@@ -59,7 +59,7 @@ pub struct Book {
     pub stop: Stop,
     /// Stops that arrived at this very moment and may turn out to change nothing.
     pub fresh: Vec<(u64, u64, bool)>,
-    /// The client's address, if it was one, behind the last stop, with whether that was a coast; and the number of the
+    /// The address of the client of the last stop, if it was one, with whether that was a coast; and the number of the
     /// last stop that may be one more of the same, which is no new one.
     pub stopped_by: Option<(usize, bool)>,
     pub repeat: Option<u64>,
@@ -134,7 +134,7 @@ impl Book {
         self.orders.iter_mut().filter(counts).for_each(|it| it.is_void = false);
     }
 
-    /// A stop comes, perhaps of a client. Whoever has commanded it last and nothing since repeats himself.
+    /// A stop arrives, perhaps of a client. If that client's last command was the same stop, it is a repeat.
     pub fn stop_comes(&mut self, at: u64, number: u64, by: Option<usize>, is_coast: bool) {
         self.newest_stop = number;
         let by = by.map(|by| (by, is_coast));

@@ -260,7 +260,7 @@ impl Checker {
         kinds.any(|facts| word(2) == facts.run && matches!(facts.run_of(written), Some(Run::Stop | Run::Coast)))
     }
 
-    /// O6: the exchange before must be over: answered, damaged with silence behind it, or waited for. A stop for
+    /// O6: the exchange before must be over: answered, damaged and followed by silence, or waited for. A stop for
     /// another drive waits only until the slowest reply would have arrived.
     fn may_open(&mut self, at: u64, frame: &[u8]) {
         let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else { return };
