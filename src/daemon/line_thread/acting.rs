@@ -40,7 +40,7 @@ impl LineTask<'_> {
                     if stops {
                         self.leaving = Some(tell);
                     } else {
-                        // A requester that is gone has let the line stay.
+                        // If the requester is gone, it sends `Stay`.
                         let _ = tell.send(self.core.in_use().collect());
                     }
                     continue;
@@ -58,7 +58,7 @@ impl LineTask<'_> {
     /// Reports, if requested, that no drive is in use any more.
     fn tell_of_leaving(&mut self) {
         if self.leaving.is_some() && self.core.bound().next().is_none() {
-            // A requester that is gone has let the line stay.
+            // If the requester is gone, it sends `Stay`.
             let _ = self.leaving.take().map(|tell| tell.send(Vec::new()));
         }
     }
