@@ -115,5 +115,7 @@ mod unproven;
 mod watchdog;
 #[path = "scenarios/watching.rs"]
 mod watching;
+#[path = "scenarios/without_06.rs"]
+mod without_06;
 #[path = "scenarios/written_zero.rs"]
 mod written_zero;

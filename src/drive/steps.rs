@@ -5,7 +5,7 @@ use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::profile::model::{Flag, Model, Register, Role, RunCommand};
-use crate::wire::pdu::function;
+use crate::wire::pdu::{Request, function};
 use std::time::Duration;
 
 /// How long a drive may take to show what it has acknowledged: the next cycle of its firmware, or the start of a ramp.
@@ -199,6 +199,43 @@ pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let write =
         Write { address: register.address, value: run.stop.value, part: StepPart::TakesBack, shown: Vec::new() };
     Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
+}
+
+/// The functions by which a drive takes one word: some serve no function 06 or 05 and take it as a block of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WriteFunctions {
+    has_single_register: bool,
+    has_single_coil: bool,
+}
+
+impl WriteFunctions {
+    /// Those of `model`.
+    #[must_use]
+    pub fn of(model: &Model) -> Self {
+        Self {
+            has_single_register: model.serves(function::WRITE_SINGLE),
+            has_single_coil: model.serves(function::WRITE_COIL),
+        }
+    }
+
+    /// The request that writes `value` to `address`.
+    #[must_use]
+    pub fn request(self, address: Address, value: u16) -> Request {
+        let is_single = if address.table().is_of_bits() { self.has_single_coil } else { self.has_single_register };
+        if is_single {
+            Request::WriteSingle { address, value }
+        } else {
+            Request::WriteMultiple { address, values: vec![value] }
+        }
+    }
+
+    /// The requests that write `value` to `address`, the one to use first.
+    #[must_use]
+    pub fn forms(self, address: Address, value: u16, in_block: bool) -> Vec<Request> {
+        let first = self.request(address, value);
+        let block = Request::WriteMultiple { address, values: vec![value] };
+        if in_block && first != block { vec![first, block] } else { vec![first] }
+    }
 }
 
 /// Whether the model declares that the register at `address` is written by function 10 hex as well as by 06.

@@ -1,9 +1,8 @@
 //! Approved work for the line. Private fields, no copies: one approval is one list of frames, sent once.
 
-use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner};
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{Step, Write};
+use crate::drive::steps::{Step, Write, WriteFunctions};
 use crate::wire::pdu::Request;
 
 /// A command approved for the line, as a bounded list of steps.
@@ -15,6 +14,7 @@ pub struct Approved {
     pub(super) stops: u64,
     pub(super) start_before: MonoTime,
     pub(super) steps: Vec<Step>,
+    pub(super) functions: WriteFunctions,
 }
 
 /// Why an approved step may not be sent any more.
@@ -72,7 +72,7 @@ impl Approved {
         match self.steps.get(index)? {
             Step::Write(writes) => match &writes[..] {
                 [] => None,
-                [Write { address, value, .. }] => Some(Request::WriteSingle { address: *address, value: *value }),
+                [Write { address, value, .. }] => Some(self.functions.request(*address, *value)),
                 [first, ..] => {
                     let values = writes.iter().map(|write| write.value).collect();
                     Some(Request::WriteMultiple { address: first.address, values })
@@ -89,11 +89,10 @@ impl Approved {
 /// A stop or a cut-off approved for the line, repeatedly until it is effective.
 #[derive(Debug, PartialEq, Eq)]
 pub struct StopOrder {
-    pub(super) address: Address,
     pub(super) value: u16,
     pub(super) coast: bool,
-    /// The model declares that function 10 hex writes its register as well.
-    pub(super) in_block: bool,
+    /// Its requests in all forms that the model declares for it, the first one first. Never empty.
+    pub(super) forms: Vec<Request>,
 }
 
 impl StopOrder {
@@ -105,18 +104,14 @@ impl StopOrder {
 
     /// Number of forms that the model declares for it. If the drive refuses one, the next is tried.
     #[must_use]
-    pub const fn forms(&self) -> usize {
-        1 + self.in_block as usize
+    pub fn forms(&self) -> usize {
+        self.forms.len()
     }
 
     /// Its request in the form with this number; numbers wrap around.
     #[must_use]
     pub fn request_in(&self, form: usize) -> Request {
-        let Self { address, value, .. } = *self;
-        match form % self.forms() {
-            0 => Request::WriteSingle { address, value },
-            _ => Request::WriteMultiple { address, values: vec![value] },
-        }
+        self.forms[form % self.forms.len()].clone()
     }
 
     /// The word that it writes.

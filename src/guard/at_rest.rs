@@ -67,6 +67,7 @@ impl DriveGuard {
             stops: self.stops(),
             start_before: MonoTime::NEVER,
             steps,
+            functions: steps::WriteFunctions::of(&self.model),
         })
     }
 

@@ -172,7 +172,14 @@ impl DriveGuard {
         let mut all = required::before(&self.model, &order, self.is_identified);
         all.extend(steps);
         let steps = all;
-        Approved { order, owner, stops: self.stops(), start_before, steps }
+        Approved {
+            order,
+            owner,
+            stops: self.stops(),
+            start_before,
+            steps,
+            functions: steps::WriteFunctions::of(&self.model),
+        }
     }
 }
 

@@ -380,7 +380,8 @@ impl DriveGuard {
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
         let (address, value) = steps::of_stop(&self.model, coast).ok()?;
         let in_block = steps::takes_in_a_block(&self.model, address);
-        Some(StopOrder { address, value, coast, in_block })
+        let forms = steps::WriteFunctions::of(&self.model).forms(address, value, in_block);
+        Some(StopOrder { value, coast, forms })
     }
 
     pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {

@@ -6,6 +6,7 @@ use super::timing::Timing;
 use crate::domain::report::StopBounds;
 use crate::drive::plan::{self, PollGroup};
 use crate::profile::model::{Barrier, BlockWrite, Model, PollClass};
+use crate::wire::pdu::function;
 use std::time::Duration;
 
 /// Turnaround assumed for a drive whose documents give no processing time. An estimate for planning a line, not a
@@ -203,7 +204,8 @@ pub fn longest_gap_on_line(
 /// The longest exchanges with a drive of `model`: class, and PDU bytes of request and reply.
 fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
     let block = |block: &BlockWrite| (6 + WORD_BYTES * usize::from(block.count.value), SHORT_PDU_BYTES);
-    let writes = [Some((SHORT_PDU_BYTES, SHORT_PDU_BYTES)), model.write.block.as_ref().map(block)];
+    let single = if model.serves(function::WRITE_SINGLE) { SHORT_PDU_BYTES } else { 6 + WORD_BYTES };
+    let writes = [Some((single, SHORT_PDU_BYTES)), model.write.block.as_ref().map(block)];
     let writes = writes.into_iter().flatten();
     let writes = writes.flat_map(|(request, reply)| {
         [Class::Write, Class::StoredWrite].into_iter().map(move |class| (class, request, reply))

@@ -21,10 +21,12 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: served, location }) = &file.functions.value else { return };
     if !served.contains(&0x03) {
-        problems.push(location.problem("reading requires function 03").right("add 0x03 to the list"));
+        let problem = location.problem("registers are read by function 03, and it is not served");
+        problems.push(problem.right("a list with 0x03, if the manual names it"));
     }
-    if matches!(file.run, OptionalKey::Valid(_)) && !served.contains(&0x06) {
-        problems.push(location.problem("run commands require function 06").right("add 0x06 to the list"));
+    if matches!(file.run, OptionalKey::Valid(_)) && !served.contains(&0x06) && !served.contains(&0x10) {
+        let problem = location.problem("run commands are written by function 06 or 10 hex, and neither is served");
+        problems.push(problem.right("a list with the one that the manual names, or no `[run]`"));
     }
     let broadcast = file.link.as_ref().and_then(|link| link.broadcast.as_ref()?.value.as_ref());
     let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else { return };
@@ -160,8 +162,11 @@ mod tests {
 
     #[test]
     fn run_commands_need_the_function_that_writes_them() {
+        let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08]");
+        let told = "functions.value: run commands are written by function 06 or 10 hex, and neither is served\n";
+        assert!(found.contains(told), "{found}");
         let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08, 0x10]");
-        assert!(found.contains("functions.value: run commands require function 06\n"), "{found}");
+        assert!(!found.contains("run commands"), "10 hex is enough: {found}");
     }
 
     #[test]

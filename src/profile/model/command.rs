@@ -153,7 +153,7 @@ pub enum BitMeaning {
 pub struct WriteRules {
     /// What a refused write looks like.
     pub refused: Fact<RefusedWrite>,
-    /// Registers that function 10 hex may write together. `None`: each is written by function 06.
+    /// Registers that function 10 hex may write together. `None`: each is written by itself.
     pub block: Option<BlockWrite>,
 }
 
