@@ -1,6 +1,7 @@
 //! A command in execution: its steps in turn, then a read-back of their effect, with one outcome for all.
 
 mod read_back;
+mod reset;
 #[cfg(test)]
 mod tests;
 
@@ -167,20 +168,6 @@ impl List {
         self.go_on_from(index)
     }
 
-    /// How long the drive will ignore requests although the list is cut: its reset was sent, and the rest that follows
-    /// has not begun. `is_on_the_wire`: the current step was sent.
-    #[must_use]
-    pub fn rest_to_come(&self, is_on_the_wire: bool) -> Option<Duration> {
-        let (Stage::Step(index), Repeats::No) = (self.stage, self.repeats) else { return None };
-        let (sent, left) = self.approved.steps().split_at_checked(index + usize::from(is_on_the_wire))?;
-        let rest = left.iter().find_map(|step| match step {
-            Step::Rest(rest) => Some(*rest),
-            Step::Check { .. } | Step::Require { .. } | Step::Write(_) => None,
-        })?;
-        let stop = self.first_word();
-        sent.iter().flat_map(writes_of).any(|write| Some(write.value) != stop).then_some(rest)
-    }
-
     /// Whether the next request may be sent: reads after a write always may, and so may the end of a reset. A list that
     /// has begun and was delayed for too long starts nothing more.
     ///
@@ -194,18 +181,6 @@ impl List {
             Stage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
             Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => Ok(()),
         }
-    }
-
-    /// Whether the next request only clears a reset, or writes nothing.
-    fn takes_back(&self) -> bool {
-        let stop = self.first_word();
-        // On some models the last word is the reset word.
-        let takes_back = |write: &Write| match write.part {
-            StepPart::TakesBack => true,
-            StepPart::Reset { ends, .. } => ends && Some(write.value) == stop,
-            _ => false,
-        };
-        self.present_writes().iter().all(takes_back)
     }
 
     /// The deadline of its first write.
@@ -245,15 +220,6 @@ impl List {
             Stage::Step(index) => self.approved.steps().get(index).map_or(&[], writes_of),
             Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => &[],
         }
-    }
-
-    /// Whether the next request writes the reset word, which a later one clears.
-    #[must_use]
-    pub fn leaves_a_reset_standing(&self) -> bool {
-        let stop = self.first_word();
-        let resets =
-            |write: &Write| matches!(write.part, StepPart::Reset { ends: false, .. }) && Some(write.value) != stop;
-        self.present_writes().iter().any(resets)
     }
 
     /// The unanswered writes that the next read checks.
@@ -310,30 +276,6 @@ impl List {
             }
             _ => self.resolve(index),
         }
-    }
-
-    /// The stop that clears the reset bit was not answered. It must not be skipped: if the drive ignores requests after a
-    /// reset, it is sent again after the rest, and then until it is answered.
-    fn end_of_reset_unanswered(&mut self) -> Next {
-        if let (Some(rest), Repeats::No) = (self.rest_step(), self.repeats) {
-            self.rest_before_the_end(rest);
-            return Next::Goes(None);
-        }
-        self.in_vain += 1;
-        if self.in_vain < STOPS_MAX {
-            return Next::Goes(None);
-        }
-        Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply))
-    }
-
-    /// Continues with the rest at `rest`, and then repeats the write before it.
-    const fn rest_before_the_end(&mut self, rest: usize) {
-        self.repeats = Repeats::AfterRest(rest.saturating_sub(1));
-        self.stage = Stage::Step(rest);
-    }
-
-    fn rest_step(&self) -> Option<usize> {
-        self.approved.steps().iter().position(|step| matches!(step, Step::Rest(_)))
     }
 
     /// The first word that it writes; for a reset, a stop.

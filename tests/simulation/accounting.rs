@@ -243,8 +243,8 @@ fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
         }
         child.wait().expect("it has ended");
         assert!(last.0 > 0, "it was not killed at work");
-        least = least + last.1;
-        most = most + last.0;
+        least += last.1;
+        most += last.0;
     }
     let (counted, texts) = place.counted();
     println!("{least} attempts were kept for sure, {counted} stand in the file, {most} were said at most");

@@ -224,8 +224,8 @@ impl<'a> Capture<'a> {
                 "lost" => {
                     let lost = serde_json::from_str::<Value>(&event.data).ok();
                     let lost = lost.and_then(|lost| lost["records"].as_u64()).unwrap_or(1);
-                    self.lost = self.lost + lost;
-                    self.dropped = self.dropped + lost;
+                    self.lost += lost;
+                    self.dropped += lost;
                     true
                 }
                 _ => true,

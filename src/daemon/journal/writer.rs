@@ -251,8 +251,8 @@ impl Writer {
             }
         }
         let (commits, all) = &mut self.since_emptied;
-        *commits = *commits + 1;
-        *all = *all + rows;
+        *commits += 1;
+        *all += rows;
         if *commits >= EMPTY_AFTER.0 || *all >= EMPTY_AFTER.1 {
             self.since_emptied = (0, 0);
             // A request that is pending already is enough.

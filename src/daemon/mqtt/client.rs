@@ -5,12 +5,13 @@
 //! that is full, the talk is not asked for more.
 
 mod farewell;
+mod rivals;
 
 use super::accepted::Link;
 use super::counters::{Counters, count};
 use super::incident::{Broken, CONNECT_TIMEOUT, Incident, NotQueued, Received, Terms};
 use super::link::{self, Events};
-use super::retry::{Retry, Rival};
+use super::retry::Retry;
 use super::settings::ConnectionSettings;
 use super::window::Window;
 use super::{Packet, Talk, tls};
@@ -360,35 +361,6 @@ impl<T: Talk> Client<'_, T> {
     /// How long ago the broker accepted the connection.
     fn life(&self) -> Option<Duration> {
         self.link.as_ref().map(|link| link.since.elapsed())
-    }
-
-    /// The connection ended because another client has our identifier.
-    fn contested(&self, rival: Rival, wait: Duration) {
-        let client_id = self.settings.client_id.as_str();
-        match rival {
-            Rival::Told => tracing::warn!(
-                client_id,
-                ?wait,
-                "another client uses our identifier at the broker; give each client its own `client_id` in [mqtt]"
-            ),
-            Rival::Suspected => tracing::warn!(
-                client_id,
-                ?wait,
-                "broker closes each connection soon after accepting it; probably another client uses the same identifier \
-                 (`client_id` in [mqtt]), otherwise see the broker's log"
-            ),
-        }
-        self.talk.borrow_mut().contested(Some(rival));
-    }
-
-    /// Reports when the identifier has been ours alone for long enough.
-    fn settle(&mut self) {
-        if let Some(life) = self.life()
-            && self.retry.is_settled(life)
-        {
-            tracing::info!("no other client uses our identifier any more");
-            self.talk.borrow_mut().contested(None);
-        }
     }
 }
 

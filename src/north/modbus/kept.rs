@@ -79,13 +79,11 @@ pub(super) const fn reason_of(code: u8) -> Reason {
 
 fn list(values: impl Iterator<Item = u16>) -> String {
     let mut text = String::from(":");
-    let mut count = 0;
-    for value in values {
+    for (count, value) in values.enumerate() {
         if count == SHOWN_MAX {
             return text + " \u{2026}";
         }
         let _ = write!(text, " {value}");
-        count += 1;
     }
     text
 }

@@ -138,9 +138,8 @@ proptest! {
     #[test]
     fn no_event_is_lost_whenever_the_connection_breaks(steps in steps()) {
         let mut rig = Rig::born(Version::V5);
-        let mut journal = Journal::default();
-        // What was published at birth.
-        journal.want = Some(0);
+        // `want` is what was published at birth.
+        let mut journal = Journal { want: Some(0), ..Journal::default() };
         for step in steps {
             play(&mut rig, &mut journal, step);
         }

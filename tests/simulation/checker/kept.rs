@@ -114,7 +114,7 @@ impl Checker {
                 book.held_replies += 1;
                 if at > since + SHOWN && book.held_replies >= REPLIES && !book.is_sure {
                     book.is_sure = true;
-                    book.owed = book.owed + 1;
+                    book.owed += 1;
                 }
             }
             Some(false) => (book.held_since, book.held_replies, book.is_sure) = (None, 0, false),

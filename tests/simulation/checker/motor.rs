@@ -296,7 +296,7 @@ impl Checker {
     pub(super) fn telling_starts_again(&mut self, drive: usize, kept: u32) {
         let motor = &mut self.motors[drive];
         motor.told = motor.told.min(kept);
-        _ = motor.asked.clear();
+        motor.asked.clear();
     }
 
     /// M4: trips that were shown for long were reported.

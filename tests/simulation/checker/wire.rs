@@ -330,7 +330,7 @@ impl Checker {
                 // It looks like the reply but is not, so the reply may still arrive.
                 wire.heard.drain(..place.end);
                 wire.was_mistakable = true;
-                self.counts.mistakable = self.counts.mistakable + 1;
+                self.counts.mistakable += 1;
                 continue;
             }
             if let Some(last) = wire.newest_mut() {

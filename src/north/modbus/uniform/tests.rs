@@ -200,15 +200,17 @@ fn trips_are_counted_as_they_are_kept() {
 #[test]
 fn control_is_shown_as_it_is() {
     let mut view = testing::view();
-    let mut control = ControlView::default();
-    control.start_inhibited = true;
-    control.not_effective = true;
-    control.failsafe = true;
-    control.stop_pending = true;
-    control.commands = 77;
-    control.intent = RunIntent::Run(Direction::Reverse);
-    control.setpoint = Some(Hertz::from_millihertz(42_500));
-    control.last = Some(Report::refused(Reason::OtherOwner));
+    let control = ControlView {
+        start_inhibited: true,
+        not_effective: true,
+        failsafe: true,
+        stop_pending: true,
+        commands: 77,
+        intent: RunIntent::Run(Direction::Reverse),
+        setpoint: Some(Hertz::from_millihertz(42_500)),
+        last: Some(Report::refused(Reason::OtherOwner)),
+        ..ControlView::default()
+    };
     view.control = Some(control);
     assert_eq!(word(1, &view), 0b0011_0011 | bit::INHIBITED | bit::PENDING);
     assert_eq!(word(17, &view), alarm::NOT_EFFECTIVE | alarm::FAIL_SAFE);

@@ -1,0 +1,36 @@
+//! Another client that connects to the broker with our identifier.
+
+use super::{Client, Talk};
+use crate::daemon::mqtt::retry::Rival;
+use std::time::Duration;
+
+impl<T: Talk> Client<'_, T> {
+    /// The connection ended because another client has our identifier.
+    pub(super) fn contested(&self, rival: Rival, wait: Duration) {
+        let client_id = self.settings.client_id.as_str();
+        match rival {
+            Rival::Told => tracing::warn!(
+                client_id,
+                ?wait,
+                "another client uses our identifier at the broker; give each client its own `client_id` in [mqtt]"
+            ),
+            Rival::Suspected => tracing::warn!(
+                client_id,
+                ?wait,
+                "broker closes each connection soon after accepting it; probably another client uses the same identifier \
+                 (`client_id` in [mqtt]), otherwise see the broker's log"
+            ),
+        }
+        self.talk.borrow_mut().contested(Some(rival));
+    }
+
+    /// Reports when the identifier has been ours alone for long enough.
+    pub(super) fn settle(&mut self) {
+        if let Some(life) = self.life()
+            && self.retry.is_settled(life)
+        {
+            tracing::info!("no other client uses our identifier any more");
+            self.talk.borrow_mut().contested(None);
+        }
+    }
+}
