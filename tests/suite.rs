@@ -65,6 +65,8 @@ mod every_request_ends;
 mod families;
 #[path = "scenarios/field_faults.rs"]
 mod field_faults;
+#[path = "scenarios/full_scale.rs"]
+mod full_scale;
 #[path = "scenarios/gone_client.rs"]
 mod gone_client;
 #[path = "scenarios/interlocks.rs"]

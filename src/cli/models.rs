@@ -155,6 +155,8 @@ fn of_register(register: &Register) -> Value {
         "title": register.title,
         "unit": register.unit.symbol(),
         "scale": register.scale,
+        "words": register.form.words(),
+        "is_plain": register.form.is_plain(),
         "signed": register.signed,
         "access": register.access.word(),
         "poll": register.poll.map(|poll| word_for(&POLL_CLASSES, &poll)),

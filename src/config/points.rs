@@ -6,7 +6,6 @@ use crate::domain::problem::{Problem, nearest};
 use crate::drive::description::Points;
 use crate::north::mqtt::Tree;
 use crate::profile::model::{Model, Register};
-use crate::profile::scale::digits_of;
 use crate::toml_file::{OptionalKey, Spanned};
 
 /// The tables of `drive`, by the names of registers that are polled; `None` if it is invalid, see `problems`. `is_published`: whether
@@ -67,7 +66,7 @@ fn too_fine<'t>(table: &'t [(String, Spanned<u8>)], model: &Model, problems: &mu
     let mut left_out = Vec::new();
     for (name, written) in table {
         let register = polled(model).find(|it| it.name == *name);
-        let Some(most) = register.map(|it| digits_of(it.scale)).filter(|most| written.value > *most) else { continue };
+        let Some(most) = register.map(Register::digits).filter(|most| written.value > *most) else { continue };
         let problem = written.location.problem(format!("has no effect: `{name}` is not finer than {most} decimals"));
         let right = if most == 0 { "leave it out".to_owned() } else { format!("0 to {most}") };
         problems.push(problem.right(right).warning());

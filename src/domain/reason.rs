@@ -149,6 +149,8 @@ reasons! {
     OtherDrive = 56, "other_drive", "the drive identifies itself as another model: it is read-only";
     /// The control section does not take this over the bus.
     NotOverBus = 57, "not_over_bus", "the control section says that this does not come over the bus (`bus`)";
+    /// The setpoint is a fraction of a full scale that is not known since the drive came back, or has just changed.
+    FullScaleUnknown = 58, "full_scale_unknown", "the full scale of the setpoint is not known yet: it is being read from the drive";
 }
 
 impl Reason {

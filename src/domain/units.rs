@@ -23,6 +23,22 @@ pub enum UnitOfMeasure {
     Hour,
     /// Revolutions per minute.
     Rpm,
+    /// Kilowatt hours.
+    KilowattHour,
+    /// Megawatt hours.
+    MegawattHour,
+    /// Newton metres.
+    NewtonMetre,
+    /// Bar.
+    Bar,
+    /// Cubic metres per hour.
+    CubicMetrePerHour,
+    /// Litres per second.
+    LitrePerSecond,
+    /// Minutes.
+    Minute,
+    /// Days.
+    Day,
     /// A plain number: a count, a code, an enumeration.
     None,
 }
@@ -41,6 +57,14 @@ impl UnitOfMeasure {
             Self::Second => "s",
             Self::Hour => "h",
             Self::Rpm => "rpm",
+            Self::KilowattHour => "kWh",
+            Self::MegawattHour => "MWh",
+            Self::NewtonMetre => "Nm",
+            Self::Bar => "bar",
+            Self::CubicMetrePerHour => "m3/h",
+            Self::LitrePerSecond => "l/s",
+            Self::Minute => "min",
+            Self::Day => "days",
             Self::None => "-",
         }
     }

@@ -1,14 +1,15 @@
 //! Decodes a write to a drive's own registers into an order, so that every way to run a motor is reviewed as such.
 
+use super::bases::Bases;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Model, Role, RunCommand};
+use crate::profile::model::{Model, Register, Role, RunCommand};
 
 /// The meaning of one word of a write.
 enum DecodedPart {
     Run(RunPart),
-    Frequency(Hertz),
+    Frequency(Result<Hertz, Reason>),
     Register(RegisterWrite),
 }
 
@@ -31,16 +32,28 @@ enum RunPart {
 /// exactly one known command, [`Reason::OutsideRange`] for a word that the register does not take,
 /// [`Reason::Conflict`] for parts that exclude each other.
 pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, Reason> {
+    order_on(model, &Bases::default(), address, values)
+}
+
+/// The same for a drive whose frequencies are fractions of `bases`. A stop beside a setpoint of unknown meaning is a stop.
+///
+/// # Errors
+/// As for [`order`]; also [`Reason::FullScaleUnknown`].
+pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) -> Result<Order, Reason> {
     let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
     let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
     for (address, value) in addresses.zip(values) {
-        match part(model, address, *value)? {
+        match part(model, bases, address, *value)? {
             DecodedPart::Run(part) => run = Some(part),
             DecodedPart::Frequency(hertz) => frequency = Some(hertz),
             DecodedPart::Register(write) => registers.push(write),
         }
     }
     let alone = registers.is_empty();
+    let frequency = match frequency.transpose() {
+        Err(_) if run == Some(RunPart::Stop) => None,
+        known => known?,
+    };
     match run {
         Some(RunPart::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
         Some(RunPart::Coast) if alone => Ok(Order::Coast),
@@ -57,7 +70,7 @@ pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, R
 /// # Errors
 /// As for [`order`]; also [`Reason::NotAllowed`] for the registers that commands are written to.
 pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
-    match part(model, write.address, write.value)? {
+    match part(model, &Bases::default(), write.address, write.value)? {
         DecodedPart::Register(_) => Ok(()),
         DecodedPart::Run(_) | DecodedPart::Frequency(_) => Err(Reason::NotAllowed),
     }
@@ -67,8 +80,8 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direc
     Go::new(registers, frequency, run).map(Order::Go).ok_or(Reason::TooManyFrames)
 }
 
-fn part(model: &Model, address: Address, value: u16) -> Result<DecodedPart, Reason> {
-    let register = model.register_at(address).or_else(|| model.stored_twin(address));
+fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<DecodedPart, Reason> {
+    let register = model.writable_at(address).or_else(|| model.stored_twin(address));
     let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
     let is_twin = register.address != address;
     match register.role {
@@ -78,11 +91,26 @@ fn part(model: &Model, address: Address, value: u16) -> Result<DecodedPart, Reas
             let run = model.run.as_ref().and_then(|run| run_part(run, value));
             run.map(DecodedPart::Run).ok_or(Reason::NotUnderstood)
         }
-        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(Hertz::from_word(value, register.scale))),
+        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(frequency(register, bases, value))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes(value) => Err(Reason::OutsideRange),
         _ => Ok(DecodedPart::Register(RegisterWrite { address, value })),
     }
+}
+
+/// The frequency that `value` orders. It must lead back to the same word, so that what is sent is what was written.
+fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Reason> {
+    if register.is_exact() && !register.signed {
+        return Ok(Hertz::from_word(value, register.scale));
+    }
+    let known = |address| bases.word(address);
+    if register.form.bases().any(|address| known(address).is_none()) {
+        return Err(Reason::FullScaleUnknown);
+    }
+    let hertz = register.frequency(value, known).ok_or(Reason::NotUnderstood)?;
+    let anywhere = (Hertz::ZERO, Hertz::from_millihertz(u32::MAX));
+    let is_same = register.word_of(hertz, anywhere, known) == Some(value);
+    if is_same { Ok(hertz) } else { Err(Reason::BetweenSteps) }
 }
 
 fn run_part(run: &RunCommand, value: u16) -> Option<RunPart> {

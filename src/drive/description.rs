@@ -1,8 +1,11 @@
 //! The constant properties of a drive while the gateway runs: names, units, model, limits.
 
 use super::plan::Pace;
+use super::snapshot::{DriveSnapshot, ValueReading};
+use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlSettings};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, Register};
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,6 +50,26 @@ impl Points {
     }
 }
 
+/// How long a value is fresh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Freshness {
+    own: Duration,
+    /// The same of the registers on which it depends.
+    bases: Vec<(Address, Duration)>,
+}
+
+impl Freshness {
+    /// When the value of `register` grows stale; `None` if there is none.
+    #[must_use]
+    pub fn ends_at(&self, register: &Register, snapshot: &DriveSnapshot) -> Option<MonoTime> {
+        let mut ends_at = snapshot.value(register)?.at + self.own;
+        for (address, stale_after) in &self.bases {
+            ends_at = ends_at.min(snapshot.reading(*address)?.at + *stale_after);
+        }
+        Some(ends_at)
+    }
+}
+
 /// One drive as the configuration names it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveDescription {
@@ -83,5 +106,27 @@ impl DriveDescription {
     #[must_use]
     pub fn stale_after(&self, register: &Register) -> Option<Duration> {
         Some(self.pace.period(register.poll?) * STALE_PERIODS)
+    }
+
+    /// When the value of `register` grows stale: when its own words do, or those of a register on which it depends.
+    /// `None` if it has no value or is not polled.
+    #[must_use]
+    pub fn stale_at(&self, register: &Register, snapshot: &DriveSnapshot) -> Option<MonoTime> {
+        self.freshness(register)?.ends_at(register, snapshot)
+    }
+
+    /// How long the value of `register` is fresh; `None` if it is not polled.
+    #[must_use]
+    pub fn freshness(&self, register: &Register) -> Option<Freshness> {
+        let basis = |address| Some((address, self.stale_after(self.model.readable_at(address)?)?));
+        let bases = register.form.bases().map(basis).collect::<Option<_>>()?;
+        Some(Freshness { own: self.stale_after(register)?, bases })
+    }
+
+    /// The value of `register`, unless it is stale at `now`.
+    #[must_use]
+    pub fn fresh(&self, register: &Register, snapshot: &DriveSnapshot, now: MonoTime) -> Option<ValueReading> {
+        let is_fresh = self.stale_at(register, snapshot).is_some_and(|stale_at| now < stale_at);
+        snapshot.value(register).filter(|_| is_fresh)
     }
 }

@@ -1,8 +1,10 @@
 //! The state of one drive and how orders are carried out on it: which registers are polled and when, the last
 //! readings, orders as steps, trips, run state, and the view for the north interfaces.
 
+pub mod bases;
 pub mod decode;
 pub mod description;
+pub mod output;
 pub mod plan;
 pub mod rated;
 pub mod required;

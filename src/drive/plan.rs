@@ -170,6 +170,14 @@ impl PollPlan {
         }
     }
 
+    /// The register at `address` is due at once.
+    pub fn ask_for(&mut self, address: Address, now: MonoTime) {
+        let holds = |group: PollGroup| address.offset_from(group.address).is_some_and(|offset| offset < group.count);
+        for entry in self.entries.iter_mut().filter(|entry| holds(entry.group)) {
+            entry.due = entry.due.min(now);
+        }
+    }
+
     /// Index, group and due time of each group.
     pub fn iter(&self) -> impl Iterator<Item = (usize, PollGroup, MonoTime)> + '_ {
         self.entries.iter().enumerate().map(|(index, entry)| (index, entry.group, entry.due))

@@ -3,15 +3,13 @@
 use super::description::Ratings;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Register, Role};
-use crate::profile::scale::Decimal;
+use crate::profile::scale::{Decimal, Scaled};
 
 /// The conversion of a register in per cent into amperes or volts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rated {
     /// The rated value in thousandths of the unit.
     rated_milli: u32,
-    /// Raw steps per per cent.
-    scale: u32,
     /// The unit.
     pub unit: UnitOfMeasure,
 }
@@ -27,19 +25,20 @@ impl Rated {
             (Role::OutputVoltage, UnitOfMeasure::Percent) => (ratings.voltage_mv?, UnitOfMeasure::Volt),
             _ => return None,
         };
-        Some(Self { rated_milli, scale: register.scale, unit })
+        Some(Self { rated_milli, unit })
     }
 
-    /// The value of `word` as a fraction: numerator and denominator, in the unit.
+    /// `percent` as a fraction: numerator and denominator, in the unit.
     #[must_use]
-    pub fn fraction(self, word: u16) -> (i64, i64) {
-        (i64::from(word) * i64::from(self.rated_milli), i64::from(self.scale) * 100 * 1000)
+    pub fn fraction(self, percent: Scaled) -> (i64, i64) {
+        let (raw, scale) = percent.fraction();
+        (raw.saturating_mul(self.rated_milli.into()), scale * 100 * 1000)
     }
 
-    /// The value of `word` in the unit, with `digits` digits after the decimal point.
+    /// `percent` in the unit, with `digits` digits after the decimal point.
     #[must_use]
-    pub fn to_digits(self, word: u16, digits: u8) -> Decimal {
-        let (numerator, denominator) = self.fraction(word);
+    pub fn to_digits(self, percent: Scaled, digits: u8) -> Decimal {
+        let (numerator, denominator) = self.fraction(percent);
         Decimal::nearest(numerator, denominator, digits)
     }
 }
@@ -56,12 +55,23 @@ mod tests {
     #[test]
     fn per_cent_of_the_rated_value() {
         let ratings = Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) };
+        let of = |role, word| Scaled::from_word(word, &register(role, UnitOfMeasure::Percent));
         let current = Rated::of(&register(Role::OutputCurrent, UnitOfMeasure::Percent), &ratings).unwrap();
         // The worked example of the vendor whose drives report so: 0x1A8A is 67.94 %, 6.79 A on a 10 A drive.
-        assert_eq!((current.to_digits(0x1A8A, 2).to_string(), current.unit), ("6.79".into(), UnitOfMeasure::Ampere));
+        assert_eq!(
+            (current.to_digits(of(Role::OutputCurrent, 0x1A8A), 2).to_string(), current.unit),
+            ("6.79".into(), UnitOfMeasure::Ampere)
+        );
         let voltage = Rated::of(&register(Role::OutputVoltage, UnitOfMeasure::Percent), &ratings).unwrap();
-        assert_eq!((voltage.to_digits(0x24FD, 2).to_string(), voltage.unit), ("378.76".into(), UnitOfMeasure::Volt));
-        assert_eq!(current.to_digits(1, 1).to_string(), "0.1", "what flows is not shown as nothing");
+        assert_eq!(
+            (voltage.to_digits(of(Role::OutputVoltage, 0x24FD), 2).to_string(), voltage.unit),
+            ("378.76".into(), UnitOfMeasure::Volt)
+        );
+        assert_eq!(
+            current.to_digits(of(Role::OutputCurrent, 1), 1).to_string(),
+            "0.1",
+            "what flows is not shown as nothing"
+        );
     }
 
     #[test]

@@ -108,7 +108,7 @@ impl OutputWatch {
     pub fn run_state(&self, status: &StatusWatch, intent: RunIntent, stopping: bool) -> RunState {
         match status.is_running() {
             Some(running) => self.with_status(status, running, intent, stopping),
-            None => self.by_output(intent, stopping),
+            None => self.by_output(status.get(Flag::Reverse), intent, stopping),
         }
     }
 
@@ -131,7 +131,10 @@ impl OutputWatch {
         }
     }
 
-    fn by_output(&self, intent: RunIntent, stopping: bool) -> RunState {
+    fn by_output(&self, is_reverse: Option<bool>, intent: RunIntent, stopping: bool) -> RunState {
+        if let Some(is_reverse) = is_reverse.filter(|_| self.is_active() && !(stopping && intent == RunIntent::Stop)) {
+            return if is_reverse { RunState::Reverse } else { RunState::Forward };
+        }
         match (self.raw(), intent) {
             (None, _) => RunState::Unknown,
             (Some(0), RunIntent::Run(_)) => RunState::Unknown,

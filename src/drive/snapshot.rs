@@ -2,6 +2,8 @@
 
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
+use crate::profile::model::Register;
+use crate::profile::scale::Scaled;
 use std::collections::BTreeMap;
 
 /// Whether a drive answers.
@@ -25,6 +27,17 @@ pub struct Reading {
     pub at: MonoTime,
 }
 
+/// The value of a register with its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValueReading {
+    /// The value.
+    pub value: Scaled,
+    /// The word at its address as the drive sent it.
+    pub raw: u16,
+    /// When the oldest of its words arrived.
+    pub at: MonoTime,
+}
+
 /// The known state of a drive, from its own replies.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DriveSnapshot {
@@ -38,6 +51,27 @@ impl DriveSnapshot {
     #[must_use]
     pub fn reading(&self, address: impl Into<Address>) -> Option<Reading> {
         self.readings.get(&address.into()).copied()
+    }
+
+    /// The value of `register` from the last readings; `None` if a word that it needs has not been read, if its two
+    /// words are not from one reply, or if another register holds what the model gives no meaning.
+    #[must_use]
+    pub fn value(&self, register: &Register) -> Option<ValueReading> {
+        let first = self.reading(register.address)?;
+        if register.form.pair.is_some() && self.reading(register.address.checked_add(1)?)?.at != first.at {
+            return None;
+        }
+        let parts = register.form.plus.iter().map(|part| Some(self.reading(part.address)?.at));
+        let at = parts.collect::<Option<Vec<_>>>()?.into_iter().fold(first.at, MonoTime::min);
+        let value = register.value(|address| self.reading(address).map(|reading| reading.raw))?;
+        Some(ValueReading { value, raw: first.raw, at })
+    }
+
+    /// Discards the words at `addresses`: after a drive was away they may be others.
+    pub fn forget(&mut self, addresses: impl IntoIterator<Item = Address>) {
+        for address in addresses {
+            self.readings.remove(&address);
+        }
     }
 
     /// Takes the words that were read from `address` on and came at `at`.

@@ -1,5 +1,6 @@
 //! The status flags of a drive, kept from one reading to the next.
 
+use super::output::OutputRegister;
 use super::view::StatusView;
 use crate::domain::address::Address;
 use crate::profile::model::{Flag, Model, StatusFlag};
@@ -8,18 +9,27 @@ use crate::profile::model::{Flag, Model, StatusFlag};
 #[derive(Clone, Debug, Default)]
 pub struct StatusWatch {
     flags: Vec<(StatusFlag, Option<bool>)>,
+    /// The output whose sign is the direction, and whether it shows reverse; only without a flag for that.
+    sign: Option<(OutputRegister, Option<bool>)>,
 }
 
 impl StatusWatch {
     /// The watch of a drive of `model`, with all flags unknown. It has none on a model without status registers.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect() }
+        let output = OutputRegister::of(model).filter(|_| model.status_flag(Flag::Reverse).is_none());
+        let sign = output.map(|output| (output, None));
+        Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect(), sign }
     }
 
     /// Takes the words that a read from `address` on has brought. Returns whether they show the motor ordered to run;
     /// nothing if they do not tell.
     pub fn take(&mut self, address: Address, words: &[u16]) -> Option<bool> {
+        if let Some((output, sign)) = &mut self.sign
+            && let Some(seen) = output.is_reverse(address, words)
+        {
+            *sign = seen;
+        }
         let mut running = None;
         for (flag, value) in &mut self.flags {
             if let Some(word) = flag.address.word_in(address, words) {
@@ -33,12 +43,14 @@ impl StatusWatch {
     /// Discards everything: the drive is offline.
     pub fn forget(&mut self) {
         self.flags.iter_mut().for_each(|(_, value)| *value = None);
+        self.sign.iter_mut().for_each(|(_, value)| *value = None);
     }
 
     /// Whether `flag` is set; `None` if the model has no such flag or it has not been read yet.
     #[must_use]
     pub fn get(&self, flag: Flag) -> Option<bool> {
-        self.flags.iter().find(|(it, _)| it.flag == flag).and_then(|(_, value)| *value)
+        let sign = || self.sign.as_ref().filter(|_| flag == Flag::Reverse).and_then(|(_, value)| *value);
+        self.flags.iter().find(|(it, _)| it.flag == flag).map_or_else(sign, |(_, value)| *value)
     }
 
     /// Whether the drive shows its motor as ordered to run. It does not while it ramps down.

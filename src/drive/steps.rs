@@ -1,5 +1,6 @@
 //! Translates an order into a bounded list of steps according to the model.
 
+use super::bases::Bases;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
@@ -134,10 +135,18 @@ pub enum NoSteps {
 ///
 /// # Errors
 /// [`NoSteps`]
-pub fn of_go(model: &Model, go: &Go, control: &ControlSettings, last: Option<Hertz>) -> Result<Vec<Step>, NoSteps> {
+pub fn of_go(
+    model: &Model,
+    go: &Go,
+    control: &ControlSettings,
+    last: Option<Hertz>,
+    bases: &Bases,
+) -> Result<Vec<Step>, NoSteps> {
     let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(vec![register(model, *write)])).collect();
     let Some(direction) = go.run() else {
-        steps.extend(go.frequency().map(|it| setpoint(model, it)).transpose()?.map(|it| Step::Write(vec![it])));
+        steps.extend(
+            go.frequency().map(|it| setpoint(model, it, control, bases)).transpose()?.map(|it| Step::Write(vec![it])),
+        );
         return Ok(steps);
     };
     let run = run(model, direction)?;
@@ -146,9 +155,9 @@ pub fn of_go(model: &Model, go: &Go, control: &ControlSettings, last: Option<Her
         return Ok(steps);
     }
     match setpoint_of_run(model, go, last)? {
-        Some(frequency) => steps.extend(setpoint_and_run(model, setpoint(model, frequency)?, run)),
+        Some(frequency) => steps.extend(setpoint_and_run(model, setpoint(model, frequency, control, bases)?, run)),
         None => {
-            steps.insert(0, check_setting(model, control)?);
+            steps.insert(0, check_setting(model, control, bases)?);
             steps.push(Step::Write(vec![run]));
         }
     }
@@ -280,17 +289,18 @@ fn command_register(model: &Model) -> Result<(&Register, &RunCommand), NoSteps> 
 
 fn register(model: &Model, write: RegisterWrite) -> Write {
     let RegisterWrite { address, value } = write;
-    let is_readable = model.register_at(address).is_some_and(|register| register.access.can_read());
+    let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
     let shown = is_readable.then(|| Condition::holds(address, vec![value], Duration::ZERO));
     Write { address, value, part: StepPart::Register, shown: shown.into_iter().collect() }
 }
 
-fn setpoint(model: &Model, frequency: Hertz) -> Result<Write, NoSteps> {
+fn setpoint(model: &Model, frequency: Hertz, control: &ControlSettings, bases: &Bases) -> Result<Write, NoSteps> {
     let register = model.register_for(Role::FrequencyCommand).ok_or(NoSteps::NotCapable)?;
-    let value = frequency.to_word(register.scale).ok_or(NoSteps::BetweenSteps)?;
+    let known = |address| bases.word(address);
+    let value = register.word_of(frequency, (control.least, control.most), known).ok_or(NoSteps::BetweenSteps)?;
     let shown = model.setting_register().and_then(|setting| {
-        let word = frequency.to_word(setting.scale)?;
-        Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
+        let words = setpoint_words(register, setting, frequency, value, bases)?;
+        Some(Condition::holds(setting.address, words, SHOWN_WITHIN))
     });
     Ok(Write {
         address: register.address,
@@ -298,6 +308,24 @@ fn setpoint(model: &Model, frequency: Hertz) -> Result<Write, NoSteps> {
         part: StepPart::Setpoint(frequency),
         shown: shown.into_iter().collect(),
     })
+}
+
+/// The words with which `setting` may show `frequency` once `register` has been given `value`.
+fn setpoint_words(
+    register: &Register,
+    setting: &Register,
+    frequency: Hertz,
+    value: u16,
+    bases: &Bases,
+) -> Option<Vec<u16>> {
+    if register.is_exact() && setting.is_exact() {
+        return Some(vec![frequency.to_word(setting.scale)?]);
+    }
+    if register.scale == setting.scale && register.form == setting.form {
+        return Some(vec![value]);
+    }
+    let words = setting.words_like(register, value, |address| bases.word(address));
+    Some(words).filter(|words| !words.is_empty())
 }
 
 fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
@@ -350,8 +378,13 @@ fn reset_shown(model: &Model) -> Vec<Condition> {
 }
 
 /// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.
-fn check_setting(model: &Model, control: &ControlSettings) -> Result<Step, NoSteps> {
+fn check_setting(model: &Model, control: &ControlSettings, bases: &Bases) -> Result<Step, NoSteps> {
     let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
+    if !setting.is_exact() {
+        let words = setting.words_within((control.least, control.most), |address| bases.word(address));
+        let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
+        return Ok(Step::Check { address: setting.address, least, most });
+    }
     let steps = |limit: Hertz| u64::from(limit.millihertz()) * u64::from(setting.scale);
     let least = u16::try_from(steps(control.least).div_ceil(1000)).map_err(|_| NoSteps::BetweenSteps)?;
     let most = u16::try_from(steps(control.most) / 1000).unwrap_or(u16::MAX);
@@ -385,13 +418,13 @@ mod tests {
         let shown = Condition::holds(0x0201_u16.into(), vec![4250], SHOWN_WITHIN);
         let setpoint = one(0x0004, 4250, StepPart::Setpoint(hertz(4250)), vec![shown]);
         let run = one(0x0002, 1, StepPart::Run(Direction::Forward), vec![]);
-        assert_eq!(of_go(&model(), &go, &control(), None).unwrap(), [setpoint, run]);
+        assert_eq!(of_go(&model(), &go, &control(), None, &Bases::default()).unwrap(), [setpoint, run]);
     }
 
     #[test]
     fn setpoint_and_run_share_a_frame_where_the_model_allows_it() {
         let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
-        let steps = of_go(&with_block(), &go, &control(), None).unwrap();
+        let steps = of_go(&with_block(), &go, &control(), None, &Bases::default()).unwrap();
         let [Step::Write(writes)] = &steps[..] else { panic!("{steps:?}") };
         let words: Vec<_> = writes.iter().map(|write| (write.address.number(), write.value)).collect();
         assert_eq!(words, [(0x0002, 1), (0x0003, 4250)]);
@@ -402,22 +435,22 @@ mod tests {
         let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         let check = Step::Check { address: 0x0201_u16.into(), least: 500, most: 5000 };
         let run = one(0x0002, 2, StepPart::Run(Direction::Reverse), vec![]);
-        assert_eq!(of_go(&model(), &go, &control(), Some(hertz(3000))).unwrap(), [check, run]);
+        assert_eq!(of_go(&model(), &go, &control(), Some(hertz(3000)), &Bases::default()).unwrap(), [check, run]);
     }
 
     #[test]
     fn a_setpoint_that_cannot_be_relied_on_is_written_before_each_run() {
         let mut model = model();
         model.registers.retain(|register| register.role != Some(Role::FrequencySetting));
-        assert_eq!(of_go(&model, &run_forward(), &control(), None), Err(NoSteps::SetpointUnknown));
-        let steps = of_go(&model, &run_forward(), &control(), Some(hertz(3000))).unwrap();
+        assert_eq!(of_go(&model, &run_forward(), &control(), None, &Bases::default()), Err(NoSteps::SetpointUnknown));
+        let steps = of_go(&model, &run_forward(), &control(), Some(hertz(3000)), &Bases::default()).unwrap();
         let setpoint = one(0x0004, 3000, StepPart::Setpoint(hertz(3000)), vec![]);
         assert_eq!(steps, [setpoint, one(0x0002, 1, StepPart::Run(Direction::Forward), vec![])]);
     }
 
     #[test]
     fn run_is_shown_by_the_status_word_where_there_is_one() {
-        let steps = of_go(&with_status(), &run_forward(), &control(), None).unwrap();
+        let steps = of_go(&with_status(), &run_forward(), &control(), None, &Bases::default()).unwrap();
         let [_, Step::Write(writes)] = &steps[..] else { panic!("{steps:?}") };
         let [running, reverse] = &writes[0].shown[..] else { panic!("{writes:?}") };
         assert!(running.is_met(0b0001) && !running.is_met(0b0100));
@@ -427,7 +460,8 @@ mod tests {
     #[test]
     fn a_register_is_read_back() {
         let ramp = RegisterWrite { address: 0x020C_u16.into(), value: 100 };
-        let steps = of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control(), None).unwrap();
+        let steps =
+            of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control(), None, &Bases::default()).unwrap();
         let shown = Condition::holds(0x020C_u16.into(), vec![100], Duration::ZERO);
         assert_eq!(steps, [one(0x020C, 100, StepPart::Register, vec![shown])]);
     }
@@ -457,6 +491,6 @@ mod tests {
     #[test]
     fn what_the_register_cannot_hold_is_refused() {
         let fine = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_505)), None).unwrap();
-        assert_eq!(of_go(&model(), &fine, &control(), None), Err(NoSteps::BetweenSteps));
+        assert_eq!(of_go(&model(), &fine, &control(), None, &Bases::default()), Err(NoSteps::BetweenSteps));
     }
 }

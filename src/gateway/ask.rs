@@ -123,7 +123,7 @@ impl LineCore {
     fn order_of(&self, drive: DriveIndex, address: Address, values: &[u16]) -> Result<Order, Reason> {
         let DriveOnLine { setup, work, .. } = self.drives.get(drive).ok_or(Reason::UnknownDrive)?;
         work.guard().control().ok_or(Reason::ReadOnly)?;
-        decode::order(&setup.model, address, values)
+        decode::order_on(&setup.model, work.guard().bases(), address, values)
     }
 
     /// Whether a read of `drive` may be queued: the line is up, there is room, and the drive is not silent.

@@ -187,19 +187,23 @@ impl DriveOnLine {
         effects: &mut Outbox,
     ) {
         let (address, words) = read;
-        for (address, word) in address.onwards().zip(words) {
-            if let Some(class) = self.setup.model.register_at(address).and_then(|register| register.poll) {
+        let count = u16::try_from(words.len()).unwrap_or(u16::MAX);
+        for (place, word) in address.onwards().zip(words) {
+            if let Some(class) = self.setup.model.polled_at(place, address, count) {
                 if class == PollClass::Fast
-                    && let Some(last) = self.snapshot.reading(address)
+                    && let Some(last) = self.snapshot.reading(place)
                 {
                     self.measured.aged(now.since(last.at), now);
                 }
                 // A reply that had to wait for the silence after it is as old as its last byte.
-                self.snapshot.take(address, &[*word], read_at);
+                self.snapshot.take(place, &[*word], read_at);
             }
         }
         let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
         self.work.take_words(address, words, reading, now, effects);
+        if let Some(changed) = self.work.take_changed_basis() {
+            self.plan.ask_for(changed, now);
+        }
     }
 
     /// The exchange failed: a late reply may follow, and a silent drive is asked less and less often.
@@ -246,8 +250,12 @@ impl DriveOnLine {
         effects.keep(self.index, Entry::Presence(presence));
         if presence == Presence::Offline {
             self.work.out_of_sight(effects);
+            let bases = self.setup.model.registers.iter().flat_map(|register| register.form.bases());
+            self.snapshot.forget(bases);
         } else {
             self.plan.drive_is_back(now);
+            let bases = self.setup.model.registers.iter().flat_map(|register| register.form.bases());
+            bases.for_each(|address| self.plan.ask_for(address, now));
             self.work.mark_changed();
         }
     }

@@ -8,6 +8,7 @@ mod approved;
 mod at_rest;
 #[cfg(test)]
 mod control_tests;
+mod full_scale;
 mod interlocks;
 mod leaving;
 mod motion;

@@ -43,7 +43,10 @@ impl DriveGuard {
                 }
             })?;
         }
-        let steps = steps::of_go(&self.model, &go, control, self.setpoint()).map_err(no_steps)?;
+        if go.run().is_some() || go.frequency().is_some() {
+            self.knows_full_scale(now)?;
+        }
+        let steps = steps::of_go(&self.model, &go, control, self.setpoint(), &self.bases).map_err(no_steps)?;
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
         if moves || (renews && self.counts_as_held_by(owner, control)) {
             self.take_lease(owner, now);

@@ -55,7 +55,7 @@ impl DriveGuard {
     ) -> Result<Verdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         for write in go.registers() {
-            let register = self.model.register_at(write.address).ok_or(refused(Reason::NotListed))?;
+            let register = self.model.writable_at(write.address).ok_or(refused(Reason::NotListed))?;
             match register.parameter_kind() {
                 ParameterKind::ReadOnly => return Err(refused(Reason::NotListed)),
                 ParameterKind::BackDoor | ParameterKind::Command => return Err(refused(Reason::NotAllowed)),
@@ -73,7 +73,7 @@ impl DriveGuard {
             }
         }
         self.may_change_at_rest(command, facts, now)?;
-        let steps = steps::of_go(&self.model, go, &control, None).map_err(no_steps)?;
+        let steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
         self.interlocks.approved(&self.model, go.registers(), now);
         Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
     }
@@ -92,7 +92,7 @@ impl DriveGuard {
         }
         self.may_change_at_rest(command, facts, now)?;
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
-        let steps = steps::of_go(&self.model, go, &control, None).map_err(no_steps)?;
+        let steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
         Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
     }
 }

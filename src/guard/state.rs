@@ -8,16 +8,22 @@ use crate::domain::command::{Direction, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
+use crate::drive::bases::Bases;
 use crate::drive::steps;
 use crate::journal::Cause;
 use crate::profile::model::Model;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Control of one drive.
 #[derive(Debug)]
 pub struct DriveGuard {
     pub(super) model: Arc<Model>,
     pub(super) control: Option<Arc<ControlSettings>>,
+    /// What the frequencies of the drive are fractions of.
+    pub(super) bases: Bases,
+    /// The age from which that is stale.
+    pub(super) bases_limit: Duration,
     pub(super) lease: Option<Lease>,
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order counts as new.
@@ -89,6 +95,8 @@ impl DriveGuard {
     #[must_use]
     pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64, now: MonoTime) -> Self {
         Self {
+            bases: Bases::of(&model),
+            bases_limit: Duration::MAX,
             model,
             control,
             lease: None,

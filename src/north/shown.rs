@@ -6,7 +6,7 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::drive::snapshot::{Presence, Reading};
+use crate::drive::snapshot::{Presence, ValueReading};
 use crate::drive::view::{DriveView, RunState};
 use crate::profile::model::Register;
 use std::time::Duration;
@@ -34,17 +34,16 @@ impl Quality {
     }
 }
 
-/// When the last reading of `register` grows stale; `None` if there is none.
+/// When the value of `register` grows stale; `None` if there is none.
 #[must_use]
 pub fn stale_at(drive: &DriveDescription, register: &Register, view: &DriveView) -> Option<MonoTime> {
-    Some(view.snapshot.reading(register.address)?.at + drive.stale_after(register)?)
+    drive.stale_at(register, &view.snapshot)
 }
 
-/// The last reading of `register`, unless it is stale.
+/// The value of `register`, unless it is stale.
 #[must_use]
-pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<Reading> {
-    let is_fresh = stale_at(drive, register, view).is_some_and(|stale_at| at < stale_at);
-    view.snapshot.reading(register.address).filter(|_| is_fresh)
+pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<ValueReading> {
+    drive.fresh(register, &view.snapshot, at)
 }
 
 /// How reliable the last reading of `register` is.

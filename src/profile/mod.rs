@@ -1,7 +1,7 @@
 //! Drive models: what a model file may contain, the checks that prove it sound, and the catalog of models.
 //!
 //! [`check`] turns a model file into a [`model::Model`] or into all its problems. [`register`] reads one register of a
-//! model file or of the configuration. [`scale`] converts between raw words and values. [`words`] holds the words for
+//! model file or of the configuration. [`scale`] converts between raw words and values, [`value`] works out the value of a register. [`words`] holds the words for
 //! enumerations. [`catalog`] holds all models. [`summary`] prints a model for people.
 
 pub mod catalog;
@@ -11,6 +11,7 @@ pub mod model;
 pub mod register;
 pub mod scale;
 pub mod summary;
+pub mod value;
 pub mod words;
 
 #[cfg(test)]

@@ -6,28 +6,45 @@ use std::fmt;
 /// A value as the drive holds it: `raw / scale`, kept as two integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Scaled {
-    raw: i32,
+    raw: i64,
     scale: u32,
 }
 
 impl Scaled {
-    /// The value that `word` represents in `register`.
+    /// `raw / scale`.
+    #[must_use]
+    pub(super) const fn new(raw: i64, scale: u32) -> Self {
+        Self { raw, scale }
+    }
+
+    /// The same number with as many decimals, at most nine.
+    #[must_use]
+    pub(super) fn of_decimal(decimal: Decimal) -> Self {
+        Self { raw: decimal.steps, scale: 10_u32.saturating_pow(decimal.digits.min(9).into()) }
+    }
+
+    /// The value that `word` represents in `register`, which has one word and needs no other.
     #[must_use]
     pub fn from_word(word: u16, register: &Register) -> Self {
-        let raw = if register.signed { i32::from(word.cast_signed()) } else { i32::from(word) };
-        Self { raw, scale: register.scale }
+        Self { raw: register.number_in(word), scale: register.scale }
+    }
+
+    /// Numerator and denominator.
+    #[must_use]
+    pub const fn fraction(self) -> (i64, i64) {
+        (self.raw, self.scale as i64)
     }
 
     /// The value rounded to this many decimals.
     #[must_use]
     pub fn to_digits(self, digits: u8) -> Decimal {
-        Decimal::nearest(self.raw.into(), self.scale.into(), digits)
+        Decimal::nearest(self.raw, self.scale.into(), digits)
     }
 
     /// The value in the register's unit, as the nearest `f64`.
     #[must_use]
     pub fn value(self) -> f64 {
-        f64::from(self.raw) / f64::from(self.scale)
+        self.raw as f64 / f64::from(self.scale)
     }
 }
 
@@ -39,8 +56,8 @@ impl fmt::Display for Scaled {
         if 10_u32.pow(decimals) != self.scale {
             return write!(f, "{}", self.value());
         }
-        let whole = self.raw.unsigned_abs() / self.scale;
-        let part = self.raw.unsigned_abs() % self.scale;
+        let whole = self.raw.unsigned_abs() / u64::from(self.scale);
+        let part = self.raw.unsigned_abs() % u64::from(self.scale);
         let sign = if self.raw < 0 { "-" } else { "" };
         if decimals == 0 {
             return write!(f, "{sign}{whole}");
@@ -133,14 +150,14 @@ pub(super) fn steps(value: f64, scale: u32, signed: bool) -> Result<i32, NoWord>
     if !value.is_finite() {
         return Err(NoWord::NotANumber);
     }
-    let (least, most) = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
+    let (least, most): (i64, i64) = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
     let least = Scaled { raw: least, scale };
     let most = Scaled { raw: most, scale };
     if !(least.value()..=most.value()).contains(&value) {
         return Err(NoWord::OutOfRange { least, most });
     }
     let raw = (value * f64::from(scale)).round() as i32;
-    if (Scaled { raw, scale }).value() != value {
+    if (Scaled { raw: raw.into(), scale }).value() != value {
         return Err(NoWord::BetweenSteps { scale });
     }
     Ok(raw)

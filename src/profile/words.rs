@@ -2,7 +2,7 @@
 
 use super::model::{
     Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, NeededFor, PollClass, RefusedWrite,
-    Role,
+    Role, WordOrder,
 };
 
 /// The table of an enumeration that defines its own words.
@@ -66,6 +66,9 @@ pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
 /// The orders that a setting is needed for.
 pub(super) const NEEDED_FOR: [(&str, NeededFor); 3] =
     [("run", NeededFor::Run), ("reverse", NeededFor::Reverse), ("setpoint", NeededFor::Setpoint)];
+
+/// Orders of the words of a 32-bit value.
+pub(super) const WORD_ORDERS: [(&str, WordOrder); 2] = own_words!(WordOrder: HighFirst, LowFirst);
 
 /// Kinds of documents.
 pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(

@@ -130,6 +130,24 @@ impl<'a, 'p> Reader<'a, 'p> {
         }
     }
 
+    /// The optional key `key`, a value or a table.
+    pub fn value_or_table<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Entry<'a, T>> {
+        match self.find(key) {
+            None => OptionalKey::Absent,
+            Some((location, DeValue::Table(table))) => {
+                let section = Section { table, location: location.clone() };
+                OptionalKey::Valid(Spanned { value: Entry::Table(section), location })
+            }
+            Some(found) => match self.read(found, kind) {
+                Some(value) => {
+                    let location = value.location.clone();
+                    OptionalKey::Valid(Spanned { value: Entry::Value(value), location })
+                }
+                None => OptionalKey::Invalid,
+            },
+        }
+    }
+
     /// The required table `key`.
     pub fn required_table(&mut self, key: &'static str) -> Option<Section<'a>> {
         let Some(found) = self.find(key) else {

@@ -16,7 +16,7 @@ pub const ECHO_POLICIES: [(&str, EchoPolicy); 2] = [("refuse", EchoPolicy::Refus
 pub const INTERFACES: [(&str, Interface); 2] = [("rs485", Interface::Rs485), ("rs232", Interface::Rs232)];
 
 /// Units of measure.
-pub const UNITS: [(&str, UnitOfMeasure); 10] = [
+pub const UNITS: [(&str, UnitOfMeasure); 18] = [
     (UnitOfMeasure::Hertz.symbol(), UnitOfMeasure::Hertz),
     (UnitOfMeasure::Ampere.symbol(), UnitOfMeasure::Ampere),
     (UnitOfMeasure::Volt.symbol(), UnitOfMeasure::Volt),
@@ -26,6 +26,14 @@ pub const UNITS: [(&str, UnitOfMeasure); 10] = [
     (UnitOfMeasure::Second.symbol(), UnitOfMeasure::Second),
     (UnitOfMeasure::Hour.symbol(), UnitOfMeasure::Hour),
     (UnitOfMeasure::Rpm.symbol(), UnitOfMeasure::Rpm),
+    (UnitOfMeasure::KilowattHour.symbol(), UnitOfMeasure::KilowattHour),
+    (UnitOfMeasure::MegawattHour.symbol(), UnitOfMeasure::MegawattHour),
+    (UnitOfMeasure::NewtonMetre.symbol(), UnitOfMeasure::NewtonMetre),
+    (UnitOfMeasure::Bar.symbol(), UnitOfMeasure::Bar),
+    (UnitOfMeasure::CubicMetrePerHour.symbol(), UnitOfMeasure::CubicMetrePerHour),
+    (UnitOfMeasure::LitrePerSecond.symbol(), UnitOfMeasure::LitrePerSecond),
+    (UnitOfMeasure::Minute.symbol(), UnitOfMeasure::Minute),
+    (UnitOfMeasure::Day.symbol(), UnitOfMeasure::Day),
     (UnitOfMeasure::None.symbol(), UnitOfMeasure::None),
 ];
 

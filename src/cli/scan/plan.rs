@@ -229,7 +229,7 @@ fn order(link: &LinkSettings) -> (u32, u8, u8, bool) {
 
 /// The register at `address`, if it can be read.
 pub fn readable(model: &Model, address: u16) -> Option<&Register> {
-    model.register_at(address).filter(|register| register.access.can_read())
+    model.readable_at(address)
 }
 
 /// What a scan reads: holding registers alone.

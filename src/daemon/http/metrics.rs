@@ -8,7 +8,6 @@ use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::profile::model::{PollClass, Register, Role};
-use crate::profile::scale::Scaled;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet, text};
 use prometheus_client::registry::{Registry, Unit};
@@ -140,7 +139,7 @@ impl Scrape {
 /// The age of the oldest fast value of `drive`; `None` while one was never read.
 fn age(drive: &SharedDrive, view: &DriveView, now: MonoTime) -> Option<f64> {
     let fast = drive.description.model.registers.iter().filter(|register| register.poll == Some(PollClass::Fast));
-    let ages = fast.map(|register| Some(now.since(view.snapshot.reading(register.address)?.at)));
+    let ages = fast.map(|register| Some(now.since(view.snapshot.value(register)?.at)));
     let oldest = ages.collect::<Option<Vec<_>>>()?.into_iter().max()?;
     Some(oldest.as_secs_f64())
 }
@@ -153,9 +152,8 @@ fn fresh<'a>(
 ) -> impl Iterator<Item = (&'a SharedDrive, &'a Register, f64)> {
     let description = &drive.description;
     description.model.registers.iter().filter_map(move |register| {
-        let reading = view.snapshot.reading(register.address)?;
-        let is_fresh = now.since(reading.at) < description.stale_after(register)?;
-        is_fresh.then(|| (drive, register, Scaled::from_word(reading.raw, register).value()))
+        let reading = description.fresh(register, &view.snapshot, now)?;
+        Some((drive, register, reading.value.value()))
     })
 }
 

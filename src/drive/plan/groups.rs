@@ -101,26 +101,43 @@ pub fn groups(model: &Model) -> Vec<PollGroup> {
 pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
     let mut groups: Vec<(PollGroup, bool)> = Vec::new();
     for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Minutely, PollClass::Hourly] {
-        for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
-            let address = register.address;
-            let is_proven = is_documented(register);
+        for (address, words, is_proven) in polled(model, class) {
             match groups.last_mut() {
+                Some((last, _)) if last.class == class && covers(last, address, words) => {}
                 Some((last, proven))
-                    if last.class == class && follows(model, last, address) && may_join(*proven, is_proven) =>
+                    if last.class == class && follows(model, last, address, words) && may_join(*proven, is_proven) =>
                 {
-                    last.count += 1;
+                    last.count += words;
                 }
-                _ => groups.push((PollGroup { address, count: 1, class }, is_proven)),
+                _ => groups.push((PollGroup { address, count: words, class }, is_proven)),
             }
         }
     }
     groups
 }
 
+/// What is polled in `class`, in order of address: first word, number of words that belong together, and whether it is
+/// documented. The words that are added to a value are polled with it.
+fn polled(model: &Model, class: PollClass) -> Vec<(Address, u16, bool)> {
+    let mut polled = Vec::new();
+    for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
+        let is_proven = is_documented(register);
+        polled.push((register.address, register.form.words(), is_proven));
+        polled.extend(register.form.plus.iter().map(|part| (part.address, 1, is_proven)));
+    }
+    polled.sort_by_key(|(address, words, _)| (*address, std::cmp::Reverse(*words)));
+    polled
+}
+
+/// Whether `words` from `address` on lie within `group`: another register may be a field of the same word.
+fn covers(group: &PollGroup, address: Address, words: u16) -> bool {
+    address.offset_from(group.address).is_some_and(|offset| offset + words <= group.count)
+}
+
 /// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read. A
 /// number that does not exist spoils a whole read on some drives.
 pub(super) fn may_be_read_along(model: &Model, address: Address) -> bool {
-    model.register_at(address).is_some_and(|register| register.access.can_read() && is_documented(register))
+    model.readable_at(address).is_some_and(is_documented)
 }
 
 fn is_shown(model: &Model, group: &PollGroup) -> bool {
@@ -132,6 +149,7 @@ fn is_documented(register: &Register) -> bool {
     register.proves(FactPart::Reading) && register.confidence != Confidence::Configured
 }
 
-fn follows(model: &Model, group: &PollGroup, address: Address) -> bool {
-    group.address.checked_add(group.count) == Some(address) && group.count < model.words_in_one_read(group.address)
+fn follows(model: &Model, group: &PollGroup, address: Address, words: u16) -> bool {
+    let count = group.count.saturating_add(words);
+    group.address.checked_add(group.count) == Some(address) && count <= model.words_in_one_read(group.address)
 }

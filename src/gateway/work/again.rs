@@ -42,7 +42,9 @@ impl DriveWork {
     /// Sets the drive's poll pace.
     #[must_use]
     pub fn polled(self, pace: Pace) -> Self {
-        Self { pace, ..self }
+        let mut polled = Self { pace, ..self };
+        polled.guard.bases_stale_after(pace.period(PollClass::Slow) * STALE_PERIODS);
+        polled
     }
 
     /// Whether fresh readings show that the motor is not running, or is ramping down because of a stop of ours.
@@ -61,14 +63,15 @@ impl DriveWork {
             let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;
             at.is_some_and(|at| now.since(at) < limit)
         };
-        let output = self.output_register.is_none_or(|(address, _)| is_fresh(address, self.output.at()));
+        let output = self.output_register.as_ref().is_none_or(|it| is_fresh(it.address(), self.output.at()));
         let status = self.model.status_flag(Flag::Running);
         output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
     }
 
     /// Whether the motor turns in a way that the ramp of our own stop does not explain.
     pub(super) fn has_left_its_ramp(&self) -> bool {
-        let (Some((_, hertz)), Some(control)) = (self.output_register, self.guard.control()) else { return false };
+        let (Some(output), Some(control)) = (&self.output_register, self.guard.control()) else { return false };
+        let hertz = output.steps_per_hertz(self.guard.bases());
         self.status.is_running() != Some(false) && self.output.has_left_its_ramp(hertz, control.stop_effect_timeout)
     }
 

@@ -18,9 +18,9 @@ use super::waiter::Waiter;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Owner, Reason, Report};
 use crate::domain::control::{BusFunctions, ControlSettings};
-use crate::domain::frequency::Hertz;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
+use crate::drive::output::OutputRegister;
 use crate::drive::plan::Pace;
 use crate::drive::run_state::OutputWatch;
 use crate::drive::status::StatusWatch;
@@ -87,7 +87,9 @@ pub struct DriveWork {
     /// The last recorded owner of the lease, and whether it is awaited since before a restart.
     said_owner: Option<(Owner, bool)>,
     output: OutputWatch,
-    output_register: Option<(Address, u32)>,
+    output_register: Option<OutputRegister>,
+    /// A full scale has changed, and is to be read again before it is believed.
+    changed_basis: Option<Address>,
     status: StatusWatch,
     /// When a reading last showed whether the drive is ordered to run.
     status_at: Option<MonoTime>,
@@ -138,7 +140,6 @@ impl DriveWork {
         epoch: u64,
         now: MonoTime,
     ) -> Self {
-        let output = model.register_for(Role::OutputFrequency);
         Self {
             drive,
             model: Arc::clone(model),
@@ -152,7 +153,8 @@ impl DriveWork {
             opening: None,
             said_owner: None,
             output: OutputWatch::default(),
-            output_register: output.map(|register| (register.address, register.scale)),
+            output_register: OutputRegister::of(model),
+            changed_basis: None,
             status: StatusWatch::new(model),
             status_at: None,
             ramps_reverse: None,
@@ -222,6 +224,11 @@ impl DriveWork {
         self.status.view().of(bus)
     }
 
+    /// A full scale that is to be read again, if it has just changed.
+    pub const fn take_changed_basis(&mut self) -> Option<Address> {
+        self.changed_basis.take()
+    }
+
     /// Until when the drive ignores requests, if that has just begun.
     pub const fn take_rest(&mut self) -> Option<MonoTime> {
         self.rest_until.take()
@@ -278,6 +285,7 @@ impl DriveWork {
         self.output.forget();
         self.status.forget();
         self.status_at = None;
+        self.guard.forget_bases();
         self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));
         // Whatever it does when it is back, no ramp of our stop explains it.
         self.is_stopping &= self.latch.is_some();
@@ -293,7 +301,8 @@ impl DriveWork {
     /// Facts for the review.
     #[must_use]
     pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> Facts {
-        let scale = self.output_register.map_or(1, |(_, scale)| scale);
+        let bases = self.guard.bases();
+        let frequency = |raw| self.output_register.as_ref().and_then(|register| register.frequency(raw, bases));
         // Stale readings decide nothing: the motor may have been started since.
         let is_fresh = self.is_fresh(now);
         Facts {
@@ -305,7 +314,7 @@ impl DriveWork {
             at_standstill: is_fresh && self.is_at_standstill(),
             rests: line_is_up && !is_offline && self.rests(now),
             stop_refused: self.is_stop_refused,
-            output: self.output.raw().filter(|_| is_fresh).map(|raw| Hertz::from_word(raw, scale)),
+            output: self.output.raw().filter(|_| is_fresh).and_then(frequency),
             turns: self.turns(),
             is_local: self.status_view().is_local(),
             is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
@@ -371,8 +380,7 @@ fn looks(model: &Model) -> Vec<(Address, u16)> {
     };
     let (first, last) = (output.min(status), output.max(status));
     let count = last.offset_from(first).and_then(|offset| offset.checked_add(1)).unwrap_or(u16::MAX);
-    let all_known =
-        || first.onwards().take(count.into()).all(|it| model.register_at(it).is_some_and(|it| it.access.can_read()));
+    let all_known = || first.onwards().take(count.into()).all(|it| model.readable_at(it).is_some());
     if count <= model.words_in_one_read(first) && all_known() {
         vec![(first, count)]
     } else {

@@ -23,6 +23,9 @@ impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
     pub fn take_words(&mut self, address: Address, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
+        if reading.is_its_own {
+            self.changed_basis = self.guard.take_bases(address, words, reading.at).or(self.changed_basis);
+        }
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
             self.status_at = Some(reading.at);
@@ -33,7 +36,7 @@ impl DriveWork {
                 self.effective(out);
             }
         }
-        let output = self.output_register.and_then(|(register, _)| register.word_in(address, words));
+        let output = self.output_register.as_ref().and_then(|register| register.steps(address, words));
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
         }

@@ -198,7 +198,8 @@ impl<C> Commands<C> {
     pub(in crate::north) fn read(&mut self, description: &DriveDescription, new: NewRead<C>) {
         let NewRead { ticket, drive, by, register, address, deadline, context } = new;
         let place = description.place;
-        let ask = NativeAsk::Read { address, count: 1 };
+        let words = description.model.registers.get(register).map_or(1, |register| register.form.words());
+        let ask = NativeAsk::Read { address, count: words };
         let read = NativeRequest { asker: self.asker, ticket, drive: place.drive, origin: origin(by), ask, deadline };
         let forget_at = deadline + ANSWERED_WITHIN;
         let request = Request::Read(register);

@@ -51,6 +51,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::StaleEpoch
         | Reason::EpochNeeded
         | Reason::SetpointUnknown
+        | Reason::FullScaleUnknown
         | Reason::Tripped
         | Reason::NotTripped
         | Reason::Reversal
@@ -109,14 +110,14 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 58] = [
+    const CODES: [u8; 59] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
         6, 4, 4, 11, 4, 4, 10, 3, 3, 3, // newer, kept_old_value, ... too_large
         4, 6, 6, 1, 6, 3, // unchanged, shutting_down, commander_lost, no_release, moving, outside_range
         6, 6, 6, 6, 6, 1, 6, 6, // line_quality, starts_too_often, ... no_take, removed, stop_refused
-        11, 6, 6, 1, // clock_ahead, precondition, other_drive, not_over_bus
+        11, 6, 6, 1, 6, // clock_ahead, precondition, other_drive, not_over_bus, full_scale_unknown
     ];
 
     #[test]

@@ -3,15 +3,15 @@
 use super::dispatch::{Asker, Context};
 use super::params::label;
 use super::payload::Refused;
-use super::results::{Reply, ResultContent, named, values};
+use super::results::{Reply, ResultContent, values};
 use super::session::Session;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
-use crate::drive::snapshot::Reading;
+use crate::drive::snapshot::ValueReading;
 use crate::north::broker::{Pending, Request, outside_limits};
 use crate::north::clock::Moment;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 impl Session {
     /// Takes the current outcome of a command. Answers to others, or to commands that are no longer pending, are
@@ -38,9 +38,13 @@ impl Session {
         let (Request::Read(register), NativeOutcome::Words(words)) = (&pending.request, &answer.outcome) else {
             return self.end(at, &pending, answer.outcome.read_failure());
         };
-        match words.first() {
-            Some(word) => self.end_read(at, &pending, *register, *word),
-            None => self.end(at, &pending, Report::new(Outcome::Failed, Reason::NoReply)),
+        let found = self.drives.get(pending.drive).and_then(|drive| drive.model.registers.get(*register));
+        let value = found.and_then(|found| found.value(|address| address.word_in(found.address, words)));
+        match (value, words.first()) {
+            (Some(value), Some(raw)) => {
+                self.end_read(at, &pending, *register, ValueReading { value, raw: *raw, at: at.mono });
+            }
+            _ => self.end(at, &pending, Report::new(Outcome::Failed, Reason::NoReply)),
         }
     }
 
@@ -84,12 +88,12 @@ impl Session {
         self.tell(at, pending.drive, asker, stage);
     }
 
-    fn end_read(&mut self, at: Moment, pending: &Pending<Context>, register: usize, word: u16) {
+    fn end_read(&mut self, at: Moment, pending: &Pending<Context>, register: usize, reading: ValueReading) {
         let drive = &self.drives[pending.drive];
         let Some(found) = drive.model.registers.get(register) else { return };
         let topic = self.topics.drive(drive.name.as_str(), &format!("param/{}", label(found)));
-        let values = [named(found, word)].into_iter().collect();
-        self.telemetry.take_param(pending.drive, register, Reading { raw: word, at: at.mono }, topic);
+        let values = [(label(found).to_owned(), json!(reading.value.value()))].into_iter().collect();
+        self.telemetry.take_param(pending.drive, register, reading, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
         let stage = Stage { report, is_final: true, is_repeat: false, message: None, values };
         self.tell(at, pending.drive, (pending.by, &pending.context.id, pending.context.reply.as_ref()), stage);

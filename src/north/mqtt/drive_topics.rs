@@ -10,7 +10,7 @@ use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
-use crate::drive::snapshot::Reading;
+use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
 use crate::north::broker::{Publication, Qos};
 use crate::north::shown::{answered_run_state, fresh, stale_at};
@@ -72,7 +72,7 @@ pub(super) struct DriveTopics {
     state: StateSlot,
     points: Points,
     publish: Vec<Tree>,
-    params: BTreeMap<usize, Reading>,
+    params: BTreeMap<usize, ValueReading>,
     /// The next slot of this walk; after the last one comes the state.
     cursor: usize,
     /// The last view seen while there was no broker to publish to.
@@ -133,7 +133,7 @@ impl DriveTopics {
     }
 
     /// Takes a register that was read on demand; it is published even if nothing changed.
-    pub(super) fn take_param(&mut self, register: usize, reading: Reading, topic: String) {
+    pub(super) fn take_param(&mut self, register: usize, reading: ValueReading, topic: String) {
         if !self.publishes(Some(Tree::Param)) {
             return;
         }
@@ -224,7 +224,7 @@ impl DriveTopics {
                 continue;
             }
             let register = kind.register().and_then(|register| drive.model.registers.get(register));
-            let read_at = register.and_then(|it| view.snapshot.reading(it.address)).map(|reading| reading.at);
+            let read_at = register.and_then(|it| view.snapshot.value(it)).map(|reading| reading.at);
             let at = read_at.unwrap_or(now.at);
             let topic = below_drive(slot.topic(), drive).to_owned();
             let text = self.points.shown(kind, &content, drive).unwrap_or_default();
@@ -240,7 +240,7 @@ impl DriveTopics {
     fn content(&self, kind: Kind, now: &Present, drive: &DriveDescription, view: &DriveView) -> Option<Content> {
         let trip = Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
         let text = |text: Option<String>| text.map_or(Content::Cleared, |text| Content::Text(text.into()));
-        let word = |reading: Option<Reading>| reading.map_or(Content::Cleared, |it| Content::Word(it.raw));
+        let word = |reading: Option<ValueReading>| reading.map_or(Content::Cleared, |it| Content::Value(it.value));
         Some(match kind {
             Kind::Availability => Content::Text(if view.is_online() { "online" } else { "offline" }.into()),
             Kind::RunState => Content::Text(answered_run_state(view).word().into()),
@@ -261,7 +261,7 @@ impl DriveTopics {
                 Content::Text(Value::Object(record).to_string().into())
             }
             Kind::Param(register) => {
-                let is_fresh = |reading: &&Reading| now.at < param_stale_at(now, reading);
+                let is_fresh = |reading: &&ValueReading| now.at < param_stale_at(now, reading);
                 word(self.params.get(&register).filter(is_fresh).copied())
             }
         })
@@ -307,7 +307,7 @@ impl DriveTopics {
 }
 
 /// A value that was read once on demand is shown for as long as a broker may keep it.
-fn param_stale_at(now: &Present, reading: &Reading) -> MonoTime {
+fn param_stale_at(now: &Present, reading: &ValueReading) -> MonoTime {
     reading.at + now.heartbeat * EXPIRY_HEARTBEATS
 }
 

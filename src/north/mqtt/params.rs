@@ -21,7 +21,11 @@ pub(super) fn readable(model: &Model, code: &str) -> Result<usize, Refused> {
         let message = format!("reading `{}` is not documented for this drive", label(register));
         return Err(Refused::new(Reason::NotCapable, message));
     }
-    let place = model.registers.iter().position(|it| it.address == register.address);
+    if register.form.bases().next().is_some() || !register.form.plus.is_empty() {
+        let message = format!("the value of `{}` depends on other registers: see its own topic", label(register));
+        return Err(Refused::new(Reason::NotCapable, message));
+    }
+    let place = model.registers.iter().position(|it| it.name == register.name);
     place.ok_or_else(|| Refused::plain(Reason::NotListed))
 }
 

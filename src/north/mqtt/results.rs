@@ -97,7 +97,7 @@ const fn publication(topic: String, payload: Vec<u8>, correlation: Option<Vec<u8
 pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<String, Value> {
     let Order::Go(go) = order else { return Map::new() };
     let is_confirmed = report.outcome == Outcome::Confirmed;
-    let registers: Vec<_> = go.registers().iter().map(|it| (model.register_at(it.address), it.value)).collect();
+    let registers: Vec<_> = go.registers().iter().map(|it| (model.writable_at(it.address), it.value)).collect();
     if is_confirmed {
         let frequency = go.frequency().map(|hertz| ("frequency_hz".to_owned(), json!(hertz.as_f64())));
         let registers = registers.iter().filter_map(|(register, word)| Some(named((*register)?, *word)));

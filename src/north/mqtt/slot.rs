@@ -3,6 +3,7 @@
 use crate::domain::time::MonoTime;
 use crate::north::broker::{Publication, Qos};
 use crate::north::clock::Clock;
+use crate::profile::scale::Scaled;
 use std::borrow::Cow;
 use std::time::Duration;
 
@@ -33,8 +34,8 @@ pub(super) enum Content {
     Cleared,
     /// This text.
     Text(Cow<'static, str>),
-    /// The value of a register that holds this word.
-    Word(u16),
+    /// The value of a register.
+    Value(Scaled),
 }
 
 /// One retained topic.
@@ -53,11 +54,11 @@ impl Slot {
 
     /// Whether `content` is to be published now; from then on it counts as published. Words that `differ` does not
     /// distinguish are the same content.
-    pub(super) fn offer(&mut self, now: &Present, content: Content, differ: impl Fn(u16, u16) -> bool) -> bool {
+    pub(super) fn offer(&mut self, now: &Present, content: Content, differ: impl Fn(Scaled, Scaled) -> bool) -> bool {
         let is_due = match (&self.published, &content) {
             (None, _) => true,
             (Some((_, Content::Cleared)), Content::Cleared) => false,
-            (Some((at, Content::Word(old))), Content::Word(new)) => {
+            (Some((at, Content::Value(old))), Content::Value(new)) => {
                 differ(*old, *new) || now.at.since(*at) >= now.heartbeat
             }
             (Some((at, old)), new) => old != new || now.at.since(*at) >= now.heartbeat,
@@ -71,10 +72,10 @@ impl Slot {
 
     /// Whether `content` differs from what was last published or kept; from then on it counts as such. The first
     /// content of all is no change, nor is a value becoming unknown.
-    pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(u16, u16) -> bool) -> bool {
+    pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(Scaled, Scaled) -> bool) -> bool {
         let is_new = match (&self.told, content) {
             (_, Content::Cleared) => return false,
-            (Some(Content::Word(old)), Content::Word(new)) => differ(*old, *new),
+            (Some(Content::Value(old)), Content::Value(new)) => differ(*old, *new),
             (old, new) => old.as_ref() != Some(new),
         };
         let is_first = self.told.is_none();
@@ -91,13 +92,13 @@ impl Slot {
 
     /// Whether the topic is not empty.
     pub(super) const fn is_filled(&self) -> bool {
-        matches!(self.published, Some((_, Content::Text(_) | Content::Word(_))))
+        matches!(self.published, Some((_, Content::Text(_) | Content::Value(_))))
     }
 
     /// When it is published again although unchanged.
     pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
         match &self.published {
-            Some((at, Content::Text(_) | Content::Word(_))) => *at + heartbeat,
+            Some((at, Content::Text(_) | Content::Value(_))) => *at + heartbeat,
             _ => MonoTime::NEVER,
         }
     }

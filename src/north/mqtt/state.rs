@@ -6,7 +6,7 @@ use crate::domain::command::Owner;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::drive::snapshot::Reading;
+use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView, TripRecord};
 use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
@@ -98,8 +98,8 @@ fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: 
     let old = last.view.as_ref();
     let has_value_changed = |(place, register): (usize, &Register)| {
         let was = shown::quality(drive, register, old, last.at);
-        let words = (old.snapshot.reading(register.address), view.snapshot.reading(register.address));
-        let has_moved = matches!(words, (Some(old), Some(new)) if points.differ(&drive.model, place, old.raw, new.raw));
+        let values = (old.snapshot.value(register), view.snapshot.value(register));
+        let has_moved = matches!(values, (Some(old), Some(new)) if points.differ(place, old.value, new.value));
         was != shown::quality(drive, register, view, now.at) || has_moved
     };
     let trip = |view: &DriveView| (view.trip.active, view.trip.seen);
@@ -138,7 +138,7 @@ fn polled(drive: &DriveDescription) -> impl Iterator<Item = (usize, &Register)> 
 
 fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &Points) -> Value {
     let value = |(place, register): (usize, &Register)| {
-        let number = |it: Reading| points.value(place, register, it.raw);
+        let number = |it: ValueReading| points.value(place, it.value);
         (register.name.clone(), value(now, drive, register, view, number))
     };
     let values: Map<_, _> = polled(drive).map(value).collect();
@@ -176,9 +176,9 @@ fn value(
     drive: &DriveDescription,
     register: &Register,
     view: &DriveView,
-    number: impl Fn(Reading) -> f64,
+    number: impl Fn(ValueReading) -> f64,
 ) -> Value {
-    let reading = view.snapshot.reading(register.address);
+    let reading = view.snapshot.value(register);
     json!({
         "value": reading.map(number),
         "unit": unit(register),

@@ -10,7 +10,7 @@ use super::types::{Settings, Tree};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::drive::snapshot::Reading;
+use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
 use crate::north::broker::{LineState, Publication, Qos, Version};
 use crate::north::clock::Clock;
@@ -156,7 +156,7 @@ impl Telemetry {
     }
 
     /// Takes a register of a drive that was read on demand.
-    pub(super) fn take_param(&mut self, drive: usize, register: usize, reading: Reading, topic: String) {
+    pub(super) fn take_param(&mut self, drive: usize, register: usize, reading: ValueReading, topic: String) {
         if let Some(topics) = self.drives.get_mut(drive) {
             topics.take_param(register, reading, topic);
         }

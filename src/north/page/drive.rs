@@ -8,12 +8,11 @@ use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
-use crate::drive::snapshot::Reading;
+use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::trip;
 use crate::north::shown::{self, quality, stale_at};
 use crate::profile::model::{Register, Role};
-use crate::profile::scale::Scaled;
 use crate::profile::words::{POLL_CLASSES, ROLES};
 use crate::toml_file::words::word_for;
 use serde_json::{Value, json};
@@ -86,7 +85,7 @@ impl Drive<'_> {
     fn hertz(&self, register: &Register, now: MonoTime) -> Option<f64> {
         let reading = shown::fresh(self.description, register, self.view, now);
         let reading = reading.filter(|_| register.unit == UnitOfMeasure::Hertz)?;
-        Some(Scaled::from_word(reading.raw, register).value())
+        Some(reading.value.value())
     }
 
     fn trip(&self, present: &Present<'_>) -> Value {
@@ -137,11 +136,11 @@ impl Drive<'_> {
     }
 
     fn value(&self, register: &Register, now: MonoTime) -> Value {
-        let reading = self.view.snapshot.reading(register.address);
+        let reading = self.view.snapshot.value(register);
         let rated = Rated::of(register, &self.description.ratings);
-        let number = |it: Reading| match rated {
-            Some(rated) => rated.to_digits(it.raw, RATED_DIGITS).value(),
-            None => Scaled::from_word(it.raw, register).value(),
+        let number = |it: ValueReading| match rated {
+            Some(rated) => rated.to_digits(it.value, RATED_DIGITS).value(),
+            None => it.value.value(),
         };
         json!({
             "name": register.name,
@@ -158,7 +157,9 @@ impl Drive<'_> {
 
     fn meaning(&self, register: &Register, word: u16) -> Option<String> {
         match register.role {
-            Some(Role::TripCode | Role::TripCause | Role::TripHistory) => trip::text(self.description, word),
+            Some(Role::TripCode | Role::TripCause | Role::TripHistory) => {
+                trip::text(self.description, register.code_in(word))
+            }
             _ => register.meaning(word).map(str::to_owned),
         }
     }

@@ -1,14 +1,13 @@
 //! The trend of the last hour: a few values of each drive, every two seconds.
 
 use super::drive::Drive;
-use crate::domain::address::Address;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::north::shown::fresh;
 use crate::profile::model::{Register, Role};
-use crate::profile::scale::{Scaled, digits_of};
+use crate::profile::scale::Scaled;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -130,10 +129,10 @@ struct Column {
 /// Where a value comes from.
 #[derive(Clone, Debug, PartialEq)]
 enum Source {
-    /// The polled register at this address.
-    Register(Address),
+    /// The polled register with this name.
+    Register(String),
     /// The same, which shows per cent of a rated value.
-    Rated(Address, Rated),
+    Rated(String, Rated),
     /// The setpoint.
     Setpoint,
 }
@@ -145,20 +144,20 @@ impl Column {
         Some(match Rated::of(register, &drive.ratings) {
             Some(rated) => {
                 let unit = rated.unit.symbol();
-                let source = Source::Rated(register.address, rated);
+                let source = Source::Rated(register.name.clone(), rated);
                 Self { name, label, unit, digits: USUAL_DIGITS, source }
             }
             None => {
                 let unit = register.unit.symbol();
-                let source = Source::Register(register.address);
-                Self { name, label, unit, digits: digits_of(register.scale), source }
+                let source = Source::Register(register.name.clone());
+                Self { name, label, unit, digits: register.digits(), source }
             }
         })
     }
 
     fn of_setpoint(drive: &DriveDescription) -> Option<Self> {
         let polled = drive.model.setting_register().filter(|register| register.poll.is_some());
-        let digits = polled.map_or(USUAL_DIGITS, |register| digits_of(register.scale));
+        let digits = polled.map_or(USUAL_DIGITS, Register::digits);
         let label = polled.map_or_else(|| "Setpoint that was commanded".to_owned(), |it| it.title.clone());
         let is_there = polled.is_some() || drive.control.is_some();
         is_there.then_some(Self { name: "setpoint", label, unit: "Hz", digits, source: Source::Setpoint })
@@ -178,14 +177,14 @@ impl Column {
 impl Source {
     /// The value, unless it is stale.
     fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
-        let read = |address: Address| {
-            let register = drive.description.model.register_at(address)?;
-            Some((register, fresh(drive.description, register, drive.view, now)?.raw))
+        let read = |name: &str| {
+            let register = drive.description.model.registers.iter().find(|register| register.name == name)?;
+            Some(fresh(drive.description, register, drive.view, now)?.value)
         };
         match self {
             Self::Setpoint => drive.setpoint(now),
-            Self::Register(address) => read(*address).map(|(register, word)| Scaled::from_word(word, register).value()),
-            Self::Rated(address, rated) => read(*address).map(|(_, word)| rated.to_digits(word, USUAL_DIGITS).value()),
+            Self::Register(name) => read(name).map(Scaled::value),
+            Self::Rated(name, rated) => read(name).map(|value| rated.to_digits(value, USUAL_DIGITS).value()),
         }
     }
 }

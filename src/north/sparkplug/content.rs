@@ -12,6 +12,7 @@ use crate::journal::trip;
 use crate::north::clock::Clock;
 use crate::north::mqtt::{Kind, Points, trip_code, trips_are_fresh};
 use crate::north::shown::{answered_run_state, fresh, intent, stale_at};
+use crate::profile::scale::Scaled;
 use std::borrow::Cow;
 
 /// Digits of a value that is derived from a rated one.
@@ -23,7 +24,7 @@ pub(super) enum Content {
     /// Nothing reliable.
     Null,
     /// A register.
-    Word(u16),
+    Value(Scaled),
     Bool(bool),
     Number(i64),
     Hertz(Hertz),
@@ -85,7 +86,7 @@ impl Look<'_> {
             Kind::Polled(place) | Kind::Rated(place) | Kind::Param(place) => {
                 let register = drive.model.registers.get(place);
                 let reading = register.and_then(|register| fresh(drive, register, view, self.at));
-                reading.map_or(Content::Null, |reading| Content::Word(reading.raw))
+                reading.map_or(Content::Null, |reading| Content::Value(reading.value))
             }
             Kind::Setpoint => self.setpoint(),
             Kind::Owner => {
@@ -154,7 +155,7 @@ impl Look<'_> {
     /// Whether a change of the metric from `old` to `new` is news.
     pub(super) fn is_news(&self, definition: &Definition, old: &Content, new: &Content) -> bool {
         match (definition.source, old, new) {
-            (Source::Topic(kind), Content::Word(old), Content::Word(new)) => {
+            (Source::Topic(kind), Content::Value(old), Content::Value(new)) => {
                 self.points.differ_on(kind, self.drive, *old, *new)
             }
             _ => old != new,
@@ -172,17 +173,17 @@ impl Look<'_> {
             Content::Number(number) if definition.datatype == Int64 => Value::of_i64(*number),
             Content::Number(number) if definition.datatype == Int32 => Value::of_i32(i32::try_from(*number).ok()?),
             Content::Number(_) => return None,
-            Content::Word(word) => Value::Double(self.number(definition, *word)?),
+            Content::Value(value) => Value::Double(self.number(definition, *value)?),
         })
     }
 
-    fn number(&self, definition: &Definition, word: u16) -> Option<f64> {
+    fn number(&self, definition: &Definition, value: Scaled) -> Option<f64> {
         let Source::Topic(kind) = definition.source else { return None };
         let place = kind.register()?;
         let register = self.drive.model.registers.get(place)?;
         Some(match kind {
-            Kind::Rated(_) => Rated::of(register, &self.drive.ratings)?.to_digits(word, RATED_DIGITS).value(),
-            _ => self.points.value(place, register, word),
+            Kind::Rated(_) => Rated::of(register, &self.drive.ratings)?.to_digits(value, RATED_DIGITS).value(),
+            _ => self.points.value(place, value),
         })
     }
 
@@ -190,10 +191,10 @@ impl Look<'_> {
     pub(super) fn since(&self, definition: &Definition, content: &Content) -> MonoTime {
         let of_register = || {
             let register = register(self.drive, definition.source)?;
-            Some(self.view.snapshot.reading(register.address)?.at)
+            Some(self.view.snapshot.value(register)?.at)
         };
         match content {
-            Content::Word(_) => of_register().unwrap_or(self.at),
+            Content::Value(_) => of_register().unwrap_or(self.at),
             _ if definition.is_trip() => {
                 let record = self.view.trip_kept.last.as_ref().filter(|_| self.view.trip.active == Some(true));
                 record.map_or(self.at, |record| record.at)

@@ -75,7 +75,7 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
         return with_meaning(scaled.to_string(), meaning.to_owned());
     }
     if matches!(register.role, Some(Role::TripCode | Role::TripCause | Role::TripHistory)) {
-        let known = model.trip_text(word).map(|trip| trip.text.clone());
+        let known = model.trip_text(register.code_in(word)).map(|trip| trip.text.clone());
         return with_meaning(scaled.to_string(), known.unwrap_or_default());
     }
     if register.unit == UnitOfMeasure::None && model.status.iter().any(|flag| flag.address == register.address) {
@@ -84,7 +84,7 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     let text =
         if register.unit == UnitOfMeasure::None { scaled.to_string() } else { format!("{scaled} {}", register.unit) };
     let rated = Rated::of(register, &drive.ratings);
-    let rated = rated.map(|rated| format!("{} {}", rated.to_digits(word, digits_of(register.scale)), rated.unit));
+    let rated = rated.map(|rated| format!("{} {}", rated.to_digits(scaled, digits_of(register.scale)), rated.unit));
     with_meaning(text, rated.unwrap_or_default())
 }
 

@@ -7,6 +7,7 @@ mod registers;
 mod run;
 mod setup;
 mod status;
+mod values;
 
 use super::file::ModelFile;
 use super::model::Model;
@@ -41,6 +42,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     exchange::check(file, problems);
     registers::check(file, problems);
+    values::check(file, problems);
     if let OptionalKey::Valid(run) = &file.run {
         run::check(&run.value, &run.location, &file.registers, problems);
     }

@@ -92,7 +92,8 @@ impl ModelFile {
 
     /// The model; `None` if any part of the file is unusable.
     pub fn ready(&self) -> Option<Model> {
-        let mut registers = self.registers.iter().map(RegisterFile::register).collect::<Option<Vec<_>>>()?;
+        let ready = self.registers.iter().map(|it| it.register_among(&self.registers));
+        let mut registers = ready.collect::<Option<Vec<_>>>()?;
         registers.sort_by_key(|register| register.address);
         let watchdog = made(&self.watchdog, |it| it.ready(&self.registers))?;
         let identity = made(&self.identity, |it| it.ready(&self.registers))?;
@@ -101,6 +102,7 @@ impl ModelFile {
             poll_watchdog(watchdog.as_ref(), register);
             poll_what_orders_need(&setup, identity.as_ref(), register);
         }
+        poll_bases(&mut registers);
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
             vendor: self.vendor.as_ref()?.value.clone(),
@@ -143,6 +145,16 @@ fn poll_what_orders_need(setup: &[SetupItem], identity: Option<&Identity>, regis
     }
     if identity.is_some_and(|identity| identity.address == register.address) {
         register.poll = Some(register.poll.unwrap_or(PollClass::Hourly));
+    }
+}
+
+/// What a value depends on is polled with the slow ones: it may be changed at the drive.
+fn poll_bases(registers: &mut [Register]) {
+    let bases: Vec<_> = registers.iter().flat_map(|register| register.form.bases()).collect();
+    for register in registers.iter_mut().filter(|it| it.access.can_read() && bases.contains(&it.address)) {
+        if matches!(register.poll, None | Some(PollClass::Minutely | PollClass::Hourly)) {
+            register.poll = Some(PollClass::Slow);
+        }
     }
 }
 

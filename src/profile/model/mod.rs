@@ -3,6 +3,7 @@
 mod codes;
 mod command;
 mod document;
+mod form;
 mod groups;
 mod link;
 mod parameter;
@@ -16,6 +17,7 @@ pub use command::{
     WriteRules,
 };
 pub use document::{Document, DocumentKind};
+pub use form::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use parameter::ParameterKind;
@@ -23,6 +25,7 @@ pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 
 use crate::domain::address::Address;
+use crate::domain::frequency::Hertz;
 use crate::domain::link::Framing;
 
 /// How sure a fact is. A control action rests on a fact only as far as its confidence allows.
@@ -133,6 +136,60 @@ impl Model {
         self.registers.iter().find(|register| register.address == address)
     }
 
+    /// The register that is written at `address`.
+    #[must_use]
+    pub fn writable_at(&self, address: impl Into<Address>) -> Option<&Register> {
+        let address = address.into();
+        self.registers.iter().find(|register| register.address == address && register.access.can_write())
+    }
+
+    /// A register that is read at `address`: one that begins there, or has its second word there.
+    #[must_use]
+    pub fn readable_at(&self, address: impl Into<Address>) -> Option<&Register> {
+        let address = address.into();
+        let covers = |it: &&Register| address.offset_from(it.address).is_some_and(|offset| offset < it.form.words());
+        self.registers.iter().filter(|register| register.access.can_read()).find(covers)
+    }
+
+    /// What a read of the word at `address` shows: more than one register if it has fields.
+    pub fn fields_at(&self, address: Address) -> impl Iterator<Item = &Register> {
+        self.registers.iter().filter(move |register| register.address == address && register.access.can_read())
+    }
+
+    /// How often the word at `address` is polled, if a read of `count` words from `first` on covers all words that it
+    /// belongs to; `None` if it is not polled, or is one half of a pair.
+    #[must_use]
+    pub fn polled_at(&self, address: Address, first: Address, count: u16) -> Option<PollClass> {
+        let is_read = |it: Address| it.offset_from(first).is_some_and(|offset| offset < count);
+        let class = |register: &Register| {
+            let words = register.form.words();
+            let is_own = address.offset_from(register.address).is_some_and(|offset| offset < words);
+            let is_whole = register.address.onwards().take(words.into()).all(is_read);
+            let is_part = register.form.plus.iter().any(|part| part.address == address);
+            register.poll.filter(|_| (is_own && is_whole) || is_part)
+        };
+        self.registers.iter().filter_map(class).min()
+    }
+
+    /// The model of a drive whose configuration states `full_scale`, for registers that are fractions of it.
+    #[must_use]
+    pub fn with_full_scale(&self, full_scale: Hertz) -> Self {
+        let mut model = self.clone();
+        for scale in model.registers.iter_mut().filter_map(|register| register.form.full_scale.as_mut()) {
+            if scale.of == Whole::Configured {
+                scale.of = Whole::Fixed(full_scale);
+            }
+        }
+        model
+    }
+
+    /// Whether a register is a fraction of a full scale that the configuration of the drive must state.
+    #[must_use]
+    pub fn needs_full_scale(&self) -> bool {
+        let scales = self.registers.iter().filter_map(|register| register.form.full_scale.as_ref());
+        scales.into_iter().any(|scale| matches!(scale.of, Whole::Configured | Whole::Fixed(_)))
+    }
+
     /// The register whose stored twin is at `address`, on a model that has such twins.
     #[must_use]
     pub fn stored_twin(&self, address: impl Into<Address>) -> Option<&Register> {
@@ -146,7 +203,9 @@ impl Model {
     /// through count as volatile: no drive is commanded through a memory that wears out.
     #[must_use]
     pub fn is_stored(&self, address: impl Into<Address>) -> bool {
-        let Some(register) = self.register_at(address) else { return true };
+        let address = address.into();
+        let register = self.writable_at(address).or_else(|| self.register_at(address));
+        let Some(register) = register else { return true };
         match register.memory {
             Some(memory) => memory == Memory::Stored,
             None => !register.role.is_some_and(Role::is_guarded),

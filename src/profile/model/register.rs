@@ -1,6 +1,6 @@
 //! One register of a model: its address, its meaning, and its use by the gateway.
 
-use super::Confidence;
+use super::{Confidence, Form};
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
@@ -189,10 +189,12 @@ pub struct Register {
     pub code: Option<String>,
     /// Address as sent on the wire.
     pub address: Address,
-    /// Raw steps per unit of measure: value = raw / scale. Never 0.
+    /// Raw steps per unit of measure: value = raw / scale, unless `form` says more. Never 0.
     pub scale: u32,
-    /// Whether the raw word is in two's complement.
+    /// Whether the number is in two's complement.
     pub signed: bool,
+    /// How its words form the number, and the number the value.
+    pub form: Form,
     /// Unit of the value.
     pub unit: UnitOfMeasure,
     /// Documented access.
@@ -227,16 +229,17 @@ impl Register {
         self.confidence.is_proven() && !self.not_stated.contains(&part)
     }
 
-    /// The meaning of `word`; `None` if the model does not know it.
+    /// The meaning of `word`, or of its field; `None` if the model does not know it.
     #[must_use]
     pub fn meaning(&self, word: u16) -> Option<&str> {
+        let word = self.code_in(word);
         self.meanings.iter().find(|(code, _)| *code == word).map(|(_, text)| text.as_str())
     }
 
     /// Whether `word` lies within the register's range, if a range is known.
     #[must_use]
     pub fn takes(&self, word: u16) -> bool {
-        let raw = if self.signed { i32::from(word.cast_signed()) } else { i32::from(word) };
-        self.range.as_ref().is_none_or(|range| range.contains(&raw))
+        let raw = self.number_in(word);
+        self.range.as_ref().is_none_or(|range| (i64::from(*range.start())..=i64::from(*range.end())).contains(&raw))
     }
 }

@@ -1,10 +1,12 @@
 //! One register as written in a file: in a model file, or added to a model by the gateway's configuration.
 
 mod extra;
+mod form;
 mod rules;
 
 use crate::domain::address::Address;
 pub use extra::{extra_register, with_extra};
+pub(super) use form::{CONFIGURED, FormFile, Steps};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 
 use super::file::Origin;
@@ -16,9 +18,6 @@ use crate::toml_file::values::Kind;
 use crate::toml_file::words::UNITS;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
-
-/// The largest scale, in raw steps per unit.
-const MAX_SCALE: u32 = 1_000_000;
 
 /// A register as written. Its invalid parts are already reported; its valid parts still take part in the
 /// cross-checks.
@@ -34,8 +33,9 @@ pub struct RegisterFile {
     pub(super) back_door: OptionalKey<String>,
     is_link: OptionalKey<bool>,
     title: RequiredKey<String>,
-    scale: OptionalKey<u32>,
-    signed: OptionalKey<bool>,
+    pub(super) scale: OptionalKey<Steps>,
+    pub(super) signed: OptionalKey<bool>,
+    pub(super) form: FormFile,
     pub(in crate::profile) memory: OptionalKey<Memory>,
     range: OptionalKey<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
@@ -49,6 +49,11 @@ impl RegisterFile {
         self.name.as_ref().map(|name| name.value.as_str())
     }
 
+    /// Where its range is.
+    pub(in crate::profile) fn range_location(&self) -> Option<&crate::toml_file::Location> {
+        self.range.valid().map(|range| &range.location)
+    }
+
     /// Its words that have a meaning.
     pub(in crate::profile) fn meaning_words(&self) -> impl Iterator<Item = u16> + '_ {
         self.meanings.iter().map(|(word, _)| *word)
@@ -57,14 +62,21 @@ impl RegisterFile {
     /// The register; `None` if any part is unusable.
     #[must_use]
     pub fn register(&self) -> Option<Register> {
+        self.register_among(&[])
+    }
+
+    /// The same, if its value depends on others of `all`.
+    pub(super) fn register_among(&self, all: &[Self]) -> Option<Register> {
         let (confidence, source) = self.origin.clone()?;
+        let scale = self.scale.or(Steps::ONE)?;
         Some(Register {
             name: self.name.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
             code: self.code.clone().optional()?,
             address: self.address.as_ref()?.value.into(),
-            scale: self.scale.or(1)?,
+            scale: scale.steps,
             signed: self.signed.or(false)?,
+            form: self.form.ready(scale, all)?,
             unit: self.unit.as_ref()?.value,
             access: self.access.as_ref()?.value,
             role: self.role.clone().optional()?,
@@ -91,11 +103,12 @@ impl RegisterFile {
             title: reader.required("title", &Kind::text()),
             code: reader.optional("code", &Kind::text()),
             address: reader.required("address", &Kind::address()),
-            scale: reader.optional("scale", &Kind::number(1..=MAX_SCALE)),
+            scale: form::steps(reader, "scale"),
             signed: reader.optional("signed", &Kind::flag()),
             unit: reader.required("unit", &Kind::one_of(&UNITS)),
             access: reader.required("access", &Kind::one_of(&ACCESSES)),
             poll: reader.optional("poll", &Kind::one_of(&POLL_CLASSES)),
+            form: FormFile::default(),
             role: OptionalKey::Absent,
             memory: OptionalKey::Absent,
             range: OptionalKey::Absent,
@@ -117,6 +130,7 @@ impl RegisterFile {
     pub(super) fn of_model(mut reader: Reader<'_, '_>, origin: Option<Origin>) -> Self {
         let mut register = Self::read(&mut reader);
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
+        register.form = FormFile::read(&mut reader);
         register.memory = reader.optional("memory", &Kind::one_of(&MEMORIES));
         register.range = register.read_range(&mut reader);
         register.meanings = meanings(&mut reader, "values");
@@ -147,13 +161,13 @@ impl RegisterFile {
             reader.problems().push(location.problem(what).right("two: the least and the greatest value"));
             return OptionalKey::Invalid;
         };
-        let (Some(scale), Some(signed)) = (self.scale.or(1), self.signed.or(false)) else {
+        let (Some(scale), Some(signed)) = (self.scale.or(Steps::ONE), self.signed.or(false)) else {
             return OptionalKey::Invalid;
         };
         let mut raw = |end: &Spanned<f64>| {
             let problem = |wrong| end.location.problem(format!("{} is {wrong}", end.value));
             let report = |wrong| reader.problems().push(problem(wrong).right("a value that the register can hold"));
-            steps(end.value, scale, signed).map_err(report).ok()
+            steps(end.value, scale.steps, signed).map_err(report).ok()
         };
         let (Some(low), Some(high)) = (raw(least), raw(most)) else { return OptionalKey::Invalid };
         if low > high {

@@ -2,19 +2,22 @@
 
 use super::RegisterFile;
 use crate::domain::problem::Problem;
-use crate::profile::model::{CodeRule, Register, Role};
-use crate::toml_file::Location;
+use crate::profile::model::{Access, CodeRule, Register, Role};
+use crate::toml_file::{Location, Spanned};
 use std::collections::BTreeMap;
 
 /// Reports each register of `written` whose name, code, address or role is already used by an earlier one or by
 /// `model`. Names and codes share one namespace and ignore case, as in [`Model::register_named`].
 pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let mut taken = UsedNames::default();
+    let mut taken = UsedNames { is_extended: !model.is_empty(), ..UsedNames::default() };
     for register in model {
         let owner = format!("`{}` of the model", register.name);
         taken.labels.insert(register.name.to_lowercase(), owner.clone());
         taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
-        taken.addresses.insert(register.address.number(), owner);
+        let place =
+            Place { owner, access: register.access, bits: field_bits(register.form.mask, register.form.exponent_mask) };
+        let words = register.address.onwards().take(register.form.words().into());
+        words.for_each(|it| taken.addresses.entry(it.number()).or_default().push(place.clone()));
     }
     for register in written {
         taken.add(register, problems);
@@ -25,8 +28,10 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
 #[derive(Default)]
 struct UsedNames {
     labels: BTreeMap<String, String>,
-    addresses: BTreeMap<u16, String>,
+    addresses: BTreeMap<u16, Vec<Place>>,
     roles: BTreeMap<Role, String>,
+    /// The model is finished: what others add shares no address with it.
+    is_extended: bool,
 }
 
 impl UsedNames {
@@ -43,11 +48,54 @@ impl UsedNames {
             }
         }
         if let Some(address) = &register.address {
-            let called = format!("address 0x{:04X}", address.value);
-            claim(&mut self.addresses, address.value, &called, &address.location, problems);
+            self.claim_words(register, address, problems);
         }
         if let Some(role) = register.role.valid().filter(|role| !role.value.is_repeated()) {
             claim(&mut self.roles, role.value, "this role", &role.location, problems);
+        }
+    }
+}
+
+/// What a register takes of an address.
+#[derive(Clone)]
+struct Place {
+    owner: String,
+    access: Access,
+    /// The bits of a field; all for a register without one.
+    bits: u16,
+}
+
+impl Place {
+    /// Whether both may be at one address: fields without a common bit that are only read, or one that is only read and
+    /// one that is only written.
+    fn may_share(&self, other: &Self) -> bool {
+        match (self.access, other.access) {
+            (Access::Read, Access::Write) | (Access::Write, Access::Read) => true,
+            (Access::Read, Access::Read) => self.bits & other.bits == 0,
+            _ => false,
+        }
+    }
+}
+
+const fn field_bits(mask: u16, exponent_mask: u16) -> u16 {
+    mask | exponent_mask
+}
+
+impl UsedNames {
+    /// Claims the addresses of the words of `register`.
+    fn claim_words(&mut self, register: &RegisterFile, address: &Spanned<u16>, problems: &mut Vec<Problem>) {
+        let access = register.access.as_ref().map_or(Access::ReadWrite, |access| access.value);
+        let bits = if register.form.is_pair() { u16::MAX } else { register.form.bits() };
+        let place = Place { owner: address.location.key.clone(), access, bits };
+        let words = if register.form.is_pair() { 2 } else { 1 };
+        for number in (address.value..=u16::MAX).take(words) {
+            let places = self.addresses.entry(number).or_default();
+            if let Some(other) = places.iter().find(|other| self.is_extended || !other.may_share(&place)) {
+                let what = format!("address 0x{number:04X} is taken by {}", other.owner);
+                let right = "one that no other register of the model uses";
+                problems.push(address.location.problem(what).right(right));
+            }
+            places.push(place.clone());
         }
     }
 }

@@ -75,6 +75,12 @@ mod tests {
     }
 
     #[test]
+    fn values_are_shown_with_what_they_depend_on() {
+        let text = include_str!("../../../tests/golden/models/values.toml");
+        golden("values.txt", &summary(&check::model(text).unwrap()));
+    }
+
+    #[test]
     fn everything_is_shown() {
         golden("everything.txt", &summary(&check::model(EVERYTHING).unwrap()));
     }

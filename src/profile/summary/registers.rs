@@ -2,7 +2,7 @@
 
 use super::layout::{Row, choice, list, row};
 use crate::domain::address::Address;
-use crate::profile::model::{CodeRule, Model, Register};
+use crate::profile::model::{CodeRule, Model, Register, Whole};
 use crate::profile::scale::Scaled;
 use crate::profile::words::{FLAGS, POLL_CLASSES};
 use crate::toml_file::words::word_for;
@@ -36,11 +36,11 @@ pub(super) fn registers(registers: &[Register]) -> Vec<Row> {
 fn register(register: &Register) -> Row {
     let memory = register.memory.map_or("-", |memory| memory.word());
     vec![
-        register.address.to_string(),
+        address(register),
         register.code.clone().unwrap_or_else(|| "-".to_owned()),
         register.name.clone(),
         register.unit.to_string(),
-        format!("x{}{}", register.scale, if register.signed { " signed" } else { "" }),
+        scale(register),
         register.access.word().to_owned(),
         register.poll.map_or("-", |poll| word_for(&POLL_CLASSES, &poll)).to_owned(),
         memory.to_owned(),
@@ -49,6 +49,49 @@ fn register(register: &Register) -> Row {
         register.source.clone(),
         register.title.clone(),
     ]
+}
+
+/// Its address, with the bits of a field, or of both words.
+fn address(register: &Register) -> String {
+    match (register.form.pair, register.form.mask) {
+        (Some(_), _) => format!("{}-{:04X}", register.address, register.address.number().wrapping_add(1)),
+        (None, u16::MAX) => register.address.to_string(),
+        (None, mask) => format!("{}&{mask:04X}", register.address),
+    }
+}
+
+/// How its value follows from its words.
+fn scale(register: &Register) -> String {
+    let form = &register.form;
+    let per = |scale: u32, per: u32| if per == 1 { format!("x{scale}") } else { format!("x{scale}/{per}") };
+    let mut text = match (&form.full_scale, &form.scale_by) {
+        (Some(scale), _) => {
+            let of = match &scale.of {
+                Whole::Register(basis) => basis.address.to_string(),
+                Whole::Configured | Whole::Fixed(_) => "full_scale_hz".to_owned(),
+            };
+            let from = scale.from.map(|basis| format!(" from {}", basis.address)).unwrap_or_default();
+            format!("{} = {of}{from}", scale.steps)
+        }
+        (None, Some(by)) => {
+            let steps = list(by.steps.iter().map(|(word, steps)| format!("{word}: x{steps}")));
+            format!("by {}&{:04X} ({steps})", by.address, by.mask)
+        }
+        (None, None) => per(register.scale, form.per),
+    };
+    if form.exponent_mask != 0 {
+        text.push_str(&format!(" exp &{:04X}", form.exponent_mask));
+    }
+    for part in &form.plus {
+        text.push_str(&format!(" + {} {}", part.address, per(part.scale, part.per)));
+    }
+    if let Some(order) = form.pair {
+        text.push_str(&format!(" {}", order.word()));
+    }
+    if register.signed {
+        text.push_str(if form.sign_is_direction { " signed, the sign is the direction" } else { " signed" });
+    }
+    text
 }
 
 /// The confidence of the row, and the parts that it does not cover.

@@ -121,6 +121,9 @@ impl SimDrive {
         if self.options.proof_words.as_ref().is_some_and(|range| range.contains(&address.number())) {
             return Some((exchange & 0xFFFF) as u16);
         }
+        if let Some(word) = self.shared_word(at, address) {
+            return Some(word);
+        }
         match index_of(&self.model, address) {
             Some(index) if !self.model.registers[index].access.can_read() => None,
             Some(index) => Some(self.held(at, index)),
@@ -179,7 +182,6 @@ impl SimDrive {
     fn store(&mut self, at: MonoTime, place: MemoryAddress, value: u16) -> Result<(), Objection> {
         let register = &self.model.registers[place.index];
         let role = register.role;
-        let scale = register.scale;
         if !register.access.can_write() || role.is_some_and(Self::is_measured) {
             return Err(Objection::Address);
         }
@@ -191,7 +193,8 @@ impl SimDrive {
         }
         match (role, BackDoor::of(register)) {
             (Some(Role::FrequencyCommand | Role::FrequencySetting), _) | (_, Some(BackDoor::Frequency)) => {
-                self.take_setpoint(at, value, scale)?;
+                let micro = self.micro_of(register, value);
+                self.take_setpoint(at, micro)?;
             }
             (_, Some(BackDoor::Limit)) if self.control.direction != 0 => return Err(Objection::NotNow),
             _ => {}

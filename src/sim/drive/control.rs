@@ -123,11 +123,10 @@ impl SimDrive {
         self.run(at, direction, false);
     }
 
-    /// Applies `value` as the setpoint; a running motor follows.
-    pub(super) fn take_setpoint(&mut self, at: MonoTime, value: u16, scale: u32) -> Result<(), Objection> {
-        let setpoint = i64::from(value) * MICROHERTZ / i64::from(scale.max(1));
+    /// Applies `setpoint`, in microhertz; a running motor follows.
+    pub(super) fn take_setpoint(&mut self, at: MonoTime, setpoint: i64) -> Result<(), Objection> {
         let listens = self.is_source_at_bus(Role::FrequencySource);
-        if setpoint > self.highest() {
+        if setpoint < 0 || setpoint > self.highest() {
             return Err(Objection::Value);
         }
         if !listens && !self.can_take_frequency() {

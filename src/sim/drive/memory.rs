@@ -3,6 +3,7 @@
 use super::super::options::DriveOptions;
 use super::back_door::BackDoor;
 use super::command::has_priority;
+use super::encode::first_basis;
 use crate::domain::address::Address;
 use crate::profile::model::{Access, Memory as Kind, Model, Register, Role, RunForm};
 use std::time::Duration;
@@ -74,7 +75,8 @@ impl Memory {
 
 /// What `address` means in a write.
 pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress> {
-    if let Some(index) = index_of(model, address) {
+    let written = model.registers.iter().position(|it| it.address == address && it.access.can_write());
+    if let Some(index) = written.or_else(|| index_of(model, address)) {
         return Some(MemoryAddress { index, is_twin: false });
     }
     let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
@@ -84,9 +86,12 @@ pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress>
     (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, is_twin: true })
 }
 
-/// Where the register at `address` stands in the model.
+/// Where the register at `address` stands in the model; the readable one if there are two.
 pub(super) fn index_of(model: &Model, address: Address) -> Option<usize> {
-    model.registers.binary_search_by_key(&address, |register| register.address).ok()
+    let start = model.registers.partition_point(|register| register.address < address);
+    let here = model.registers.get(start..)?.iter().take_while(|register| register.address == address);
+    let readable = here.clone().position(|register| register.access.can_read());
+    Some(start + readable.or(here.count().checked_sub(1).map(|_| 0))?)
 }
 
 /// The number after `address`; nothing behind the last one. With `is_decimal` the last two places count to 9.
@@ -130,7 +135,10 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
         _ if BackDoor::of(register) == Some(BackDoor::Limit) => {
             u16::try_from(u32::from(options.max_frequency_hz) * register.scale).unwrap_or(u16::MAX)
         }
-        _ => demanded.or(watchdog.map(|watchdog| watchdog.off.value)).unwrap_or_else(|| lowest(register)),
+        _ => demanded
+            .or(first_basis(model, register, options))
+            .or(watchdog.map(|watchdog| watchdog.off.value))
+            .unwrap_or_else(|| lowest(register)),
     }
 }
 

@@ -10,6 +10,7 @@
 //! | `shown` | measurements, trips and settings as registers show them |
 //! | `status` | status words |
 //! | `watchdog` | the reaction to a silent bus |
+//! | `encode` | values of more than one word with a scale |
 //! | `back_door` | other ways to the motor |
 //! | `elsewhere` | actions from outside the line, and the true state of the motor |
 
@@ -19,6 +20,7 @@ mod command;
 mod control;
 mod denied;
 mod elsewhere;
+mod encode;
 mod memory;
 mod shown;
 mod status;

@@ -63,6 +63,14 @@ impl SimDrive {
         )
     }
 
+    /// The value of `register`, in millionths of its unit of measure, if it is measured.
+    pub(super) fn measured(&self, at: MonoTime, register: &Register) -> Option<i64> {
+        match register.role? {
+            Role::RunHours => Some(i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at)),
+            role => self.reading(at, role),
+        }
+    }
+
     /// The value of a register with `role`, in millionths of its unit of measure.
     fn reading(&self, at: MonoTime, role: Role) -> Option<i64> {
         let output = self.motor.output(at);

@@ -3,11 +3,10 @@
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::DriveDescription;
+use crate::drive::description::{DriveDescription, Freshness};
 use crate::drive::rated::Rated;
 use crate::drive::view::DriveView;
 use crate::profile::model::{Register, Role};
-use std::time::Duration;
 
 /// The unsigned word for a value that the drive does not have or that is not known.
 pub const ABSENT: u16 = 0xFFFF;
@@ -17,12 +16,10 @@ pub const ABSENT_SIGNED: u16 = 0x8000;
 /// Where a measurement comes from.
 #[derive(Clone, Debug)]
 pub(super) struct Column {
-    address: Address,
-    scale: u32,
-    is_signed: bool,
+    register: Register,
     /// The register is in per cent of a rated value that is stated.
     rated: Option<Rated>,
-    stale_after: Duration,
+    freshness: Freshness,
 }
 
 /// A value that is fresh: `raw` steps of `1 / scale`.
@@ -45,30 +42,22 @@ impl Column {
         if register.unit != unit && rated.is_none() {
             return None;
         }
-        let stale_after = drive.stale_after(register)?;
-        let address = register.address;
-        let scale = register.scale;
-        let is_signed = register.signed;
-        Some(Self { address, scale, is_signed, rated, stale_after })
+        Some(Self { register: register.clone(), rated, freshness: drive.freshness(register)? })
     }
 
     /// The drive's own register.
     pub(super) const fn address(&self) -> Address {
-        self.address
+        self.register.address
     }
 
     /// The value, if it is known and not stale.
     pub(super) fn fresh(&self, view: &DriveView, now: MonoTime) -> Option<Fresh> {
-        let reading = view.snapshot.reading(self.address)?;
-        if now.since(reading.at) >= self.stale_after {
+        let reading = view.snapshot.value(&self.register)?;
+        if now >= self.freshness.ends_at(&self.register, &view.snapshot)? {
             return None;
         }
-        if let Some(rated) = self.rated {
-            let (raw, scale) = rated.fraction(reading.raw);
-            return Some(Fresh { raw, scale });
-        }
-        let raw = if self.is_signed { i64::from(reading.raw.cast_signed()) } else { i64::from(reading.raw) };
-        Some(Fresh { raw, scale: i64::from(self.scale) })
+        let (raw, scale) = self.rated.map_or_else(|| reading.value.fraction(), |rated| rated.fraction(reading.value));
+        Some(Fresh { raw, scale })
     }
 }
 
@@ -80,9 +69,9 @@ impl Fresh {
 
     /// In steps of `1 / steps`, rounded half away from zero.
     pub(super) const fn in_steps(self, steps: i64) -> i64 {
-        let twice = 2 * self.raw * steps;
+        let twice = self.raw.saturating_mul(2 * steps);
         let half = if self.raw < 0 { -self.scale } else { self.scale };
-        (twice + half) / (2 * self.scale)
+        twice.saturating_add(half) / (2 * self.scale)
     }
 
     /// As an unsigned word of `1 / steps`; absent if it does not fit.

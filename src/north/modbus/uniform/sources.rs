@@ -1,10 +1,9 @@
 //! Where the uniform words of one drive come from, looked up once.
 
 use super::column::Column;
-use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::DriveDescription;
+use crate::drive::description::{DriveDescription, Freshness};
 use crate::drive::view::DriveView;
 use crate::profile::model::{PollClass, Register, Role};
 use std::time::Duration;
@@ -22,7 +21,7 @@ pub(super) struct Sources {
     pub(super) temperature: Option<Column>,
     pub(super) run_hours: Option<Column>,
     /// Every register that is polled while it may change, with the age from which it is stale.
-    pub(super) polled: Vec<(Address, Duration)>,
+    pub(super) polled: Vec<(Register, Freshness)>,
     /// Trips are shown or counted.
     pub(super) has_trips: bool,
     /// The drive has a control section.
@@ -50,7 +49,7 @@ impl Sources {
             torque: column(Role::Torque, UnitOfMeasure::Percent),
             temperature: column(Role::Temperature, UnitOfMeasure::Celsius),
             run_hours: column(Role::RunHours, UnitOfMeasure::Hour),
-            polled: registers.filter(is_live).filter_map(|it| Some((it.address, drive.stale_after(it)?))).collect(),
+            polled: registers.filter(is_live).filter_map(|it| Some((it.clone(), drive.freshness(it)?))).collect(),
             has_trips,
             has_control: drive.control.is_some(),
         }
@@ -66,16 +65,16 @@ impl Sources {
 
     /// Whether a polled value is stale or was never read.
     pub(super) fn is_stale(&self, view: &DriveView, now: MonoTime) -> bool {
-        self.polled.iter().any(|(address, stale_after)| {
-            view.snapshot.reading(*address).is_none_or(|reading| now.since(reading.at) >= *stale_after)
+        self.polled.iter().any(|(register, freshness)| {
+            freshness.ends_at(register, &view.snapshot).is_none_or(|ends_at| now >= ends_at)
         })
     }
 
     /// The age of the oldest polled value; `None` if one was never read, or none is polled.
     pub(super) fn oldest_age(&self, view: &DriveView, now: MonoTime) -> Option<Duration> {
         let mut oldest = None;
-        for (address, _) in &self.polled {
-            oldest = oldest.max(Some(now.since(view.snapshot.reading(*address)?.at)));
+        for (register, _) in &self.polled {
+            oldest = oldest.max(Some(now.since(view.snapshot.value(register)?.at)));
         }
         oldest
     }

@@ -83,7 +83,8 @@ fn run_state(topic: &str) -> [Entity; 2] {
 /// A polled register. One that holds codes or bits is for experts.
 fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: String) -> Entity {
     let digits = register.scale.ilog10();
-    let exact = (10_u32.checked_pow(digits) == Some(register.scale)).then_some(digits);
+    let is_decimal = 10_u32.checked_pow(digits) == Some(register.scale) || !register.form.is_plain();
+    let exact = is_decimal.then(|| u32::from(register.digits()));
     let decimals = drive.points.decimals_of(register).map(u32::from).or(exact);
     let entity = value(rest, topic, register.unit, decimals);
     match register.role {

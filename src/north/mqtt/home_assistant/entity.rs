@@ -104,6 +104,14 @@ impl Entity {
             UnitOfMeasure::Second => ("s", Some("duration")),
             UnitOfMeasure::Hour => ("h", Some("duration")),
             UnitOfMeasure::Rpm => ("rpm", None),
+            UnitOfMeasure::KilowattHour => ("kWh", Some("energy")),
+            UnitOfMeasure::MegawattHour => ("MWh", Some("energy")),
+            UnitOfMeasure::NewtonMetre => ("Nm", None),
+            UnitOfMeasure::Bar => ("bar", Some("pressure")),
+            UnitOfMeasure::CubicMetrePerHour => ("m³/h", Some("volume_flow_rate")),
+            UnitOfMeasure::LitrePerSecond => ("L/s", Some("volume_flow_rate")),
+            UnitOfMeasure::Minute => ("min", Some("duration")),
+            UnitOfMeasure::Day => ("d", Some("duration")),
             UnitOfMeasure::None => return self,
         };
         let entity = self.with("unit_of_measurement", symbol);

@@ -1,0 +1,308 @@
+//! The rules for values that are more than one word divided by a scale.
+
+use crate::domain::problem::Problem;
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::file::ModelFile;
+use crate::profile::model::{Access, Role};
+use crate::profile::register::{CONFIGURED, RegisterFile, named};
+use crate::toml_file::{Location, Spanned};
+
+/// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
+const WORDS: [Role; 9] = [
+    Role::RunCommand,
+    Role::RunSource,
+    Role::FrequencySource,
+    Role::TripCount,
+    Role::TripCode,
+    Role::TripCause,
+    Role::TripHistory,
+    Role::AccelerationTime,
+    Role::DecelerationTime,
+];
+/// Those of them that may be a field of a word.
+const FIELDS: [Role; 3] = [Role::TripCode, Role::TripCause, Role::TripHistory];
+/// Widest exponent in bits: larger powers of ten than 10^7 are nowhere.
+const EXPONENT_BITS: u32 = 3;
+
+pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
+    for register in &file.registers {
+        words_fit(register, file, problems);
+        fields_fit(register, problems);
+        parts_are_only_read(register, problems);
+        full_scale_is_known(register, file, problems);
+        scale_is_known(register, file, problems);
+        sign_means_a_direction(register, problems);
+        is_one_value(register, problems);
+    }
+    others_need_words(file, problems);
+}
+
+fn tell(location: &Location, what: impl Into<String>, right: impl Into<String>, problems: &mut Vec<Problem>) {
+    problems.push(location.problem(what).right(right));
+}
+
+fn role(register: &RegisterFile) -> Option<Role> {
+    register.role.valid().map(|role| role.value)
+}
+
+/// Two words have an order, are read in one frame, and are not written.
+fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    let form = &register.form;
+    let Some(Spanned { location, .. }) = form.words.valid().filter(|words| words.value == 2) else {
+        if let Some(order) = form.word_order.valid() {
+            tell(&order.location, "one word has no order", "`words = 2`, or leave it out", problems);
+        }
+        return;
+    };
+    if matches!(form.word_order.0, crate::toml_file::OptionalKey::Absent) {
+        tell(
+            location,
+            "the order of the two words is not stated",
+            "`word_order = \"high-first\"` or \"low-first\"",
+            problems,
+        );
+    }
+    let limits = file.read.as_ref().and_then(|read| read.ready());
+    let (Some(limits), Some(address)) = (limits, &register.address) else { return };
+    let ascii = limits.max_words_ascii.as_ref().map_or(u16::MAX, |words| words.value);
+    if limits.words_from(address.value).min(ascii) < 2 {
+        tell(location, "no read of this drive covers both words", "a register of one word", problems);
+    }
+    if form.mask.valid().is_some() || form.exponent_mask.valid().is_some() {
+        tell(location, "a field is in one word", "leave out `words`, or `mask` and `exponent_mask`", problems);
+    }
+}
+
+/// Masks are contiguous and do not overlap.
+fn fields_fit(register: &RegisterFile, problems: &mut Vec<Problem>) {
+    let form = &register.form;
+    for mask in [&form.mask, &form.exponent_mask].into_iter().filter_map(|mask| mask.valid()) {
+        if !is_contiguous(mask.value) {
+            let what = format!("0x{:04X} is not one field: there are gaps between its bits", mask.value);
+            tell(&mask.location, what, "a mask whose bits are neighbours", problems);
+        } else if mask.value == u16::MAX {
+            tell(&mask.location, "0xFFFF is the whole word", "leave it out", problems);
+        }
+    }
+    let Some(exponent) = form.exponent_mask.valid() else { return };
+    match form.mask.valid() {
+        None => tell(&exponent.location, "an exponent needs a mantissa", "`mask`, the bits of the mantissa", problems),
+        Some(mask) if mask.value & exponent.value != 0 => {
+            tell(
+                &exponent.location,
+                "the exponent has bits of the mantissa",
+                "bits that `mask` does not have",
+                problems,
+            );
+        }
+        Some(_) if exponent.value.count_ones() > EXPONENT_BITS => {
+            tell(&exponent.location, "the exponent is too wide", "at most 3 bits", problems);
+        }
+        Some(_) => {}
+    }
+}
+
+/// Whether the bits of `mask` are neighbours.
+fn is_contiguous(mask: u16) -> bool {
+    let shifted = mask.checked_shr(mask.trailing_zeros()).unwrap_or(0);
+    shifted & shifted.wrapping_add(1) == 0
+}
+
+/// What is more than one whole word is not written.
+fn parts_are_only_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
+    let form = &register.form;
+    let is_more = form.is_pair()
+        || form.mask.valid().is_some()
+        || form.exponent_mask.valid().is_some()
+        || form.scale_by.valid().is_some()
+        || !form.plus.is_empty();
+    let written = register.access.as_ref().filter(|access| is_more && access.value != Access::Read);
+    if let Some(access) = written {
+        let what = "a field, two words, a sum or a scale from elsewhere can only be read";
+        tell(&access.location, what, "\"read\"", problems);
+    }
+}
+
+/// A full scale comes from readable registers in the same unit, or from the configuration.
+fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    let Some(Spanned { value: scale, .. }) = register.form.full_scale.valid() else { return };
+    if let Some(from) = scale.from.valid().filter(|_| role(register) == Some(Role::OutputFrequency)) {
+        tell(&from.location, "an output of 0 would not be 0 Hz", "leave it out", problems);
+    }
+    let unit = register.unit.as_ref().map(|unit| unit.value);
+    let from = scale.from.valid();
+    for name in scale.of.iter().chain(from) {
+        if name.value == CONFIGURED && from != Some(name) {
+            if unit.is_some_and(|unit| unit != UnitOfMeasure::Hertz) {
+                tell(
+                    &name.location,
+                    "`full_scale_hz` is a frequency",
+                    "the name of a register, or unit = \"Hz\"",
+                    problems,
+                );
+            }
+            continue;
+        }
+        let Some(basis) = basis(register, name, file, problems) else { continue };
+        if basis.unit.as_ref().map(|unit| unit.value) != unit {
+            let what = format!("`{}` has another unit", name.value);
+            tell(&name.location, what, "a register in the unit of this one", problems);
+        }
+    }
+}
+
+/// The scale comes from a readable register.
+fn scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    let by = register.form.scale_by.valid().and_then(|by| by.value.register.as_ref());
+    if let Some(name) = by {
+        basis(register, name, file, problems);
+    }
+}
+
+/// The register called `name`, on which the value of `register` depends: another one that is one word or a field of it.
+fn basis<'f>(
+    register: &RegisterFile,
+    name: &Spanned<String>,
+    file: &'f ModelFile,
+    problems: &mut Vec<Problem>,
+) -> Option<&'f RegisterFile> {
+    let Some(basis) = named(&name.value, &file.registers) else {
+        let what = format!("there is no register `{}`", name.value);
+        tell(&name.location, what, "the name of a register of this model", problems);
+        return None;
+    };
+    let form = &basis.form;
+    let is_simple = !form.is_pair()
+        && form.exponent_mask.valid().is_none()
+        && form.full_scale.valid().is_none()
+        && form.scale_by.valid().is_none()
+        && form.plus.is_empty();
+    if basis.name() == register.name() || !is_simple {
+        let what = format!("`{}` is not one word with a scale of its own", name.value);
+        tell(&name.location, what, "a register of one word, or a field of it", problems);
+        return None;
+    }
+    if basis.access.as_ref().is_some_and(|access| !access.value.can_read()) {
+        let what = format!("`{}` cannot be read", name.value);
+        tell(&name.location, what, "a readable register", problems);
+        return None;
+    }
+    Some(basis)
+}
+
+/// Only signed frequencies show a direction.
+fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) {
+    let Some(direction) = register.form.direction.valid() else { return };
+    if !matches!(role(register), Some(Role::OutputFrequency | Role::FrequencyCommand)) {
+        let right = "leave it out, or role \"output-frequency\" or \"frequency-command\"";
+        tell(&direction.location, "only a frequency shows the direction", right, problems);
+    }
+    if register.signed.or(false) == Some(false) {
+        tell(&direction.location, "a number without a sign has no direction", "`signed = true`", problems);
+    }
+}
+
+/// Keys that give the value in two ways, and registers whose word the gateway uses as it is.
+fn is_one_value(register: &RegisterFile, problems: &mut Vec<Problem>) {
+    let form = &register.form;
+    let full_scale = form.full_scale.valid().map(|it| &it.location);
+    let scale_by = form.scale_by.valid().map(|it| &it.location);
+    for location in full_scale.iter().chain(&scale_by) {
+        if register.scale.valid().is_some() {
+            tell(location, "the scale is given twice", "leave out `scale`", problems);
+        }
+    }
+    if let (Some(location), Some(_)) = (full_scale, scale_by) {
+        tell(location, "the scale is given twice", "either `full_scale` or `scale_by`", problems);
+    }
+    if let Some(part) = form.plus.iter().find_map(|part| part.address.as_ref()).filter(|_| full_scale.is_some()) {
+        tell(&part.location, "nothing can be added to a fraction", "leave out `full_scale` or `plus`", problems);
+    }
+    let Some(role) = register.role.valid().filter(|role| WORDS.contains(&role.value)) else { return };
+    let has_field = form.mask.valid().is_some() && !FIELDS.contains(&role.value);
+    let has_ratio = register.scale.valid().is_some_and(|scale| scale.value.per != 1);
+    let is_more = form.is_pair() || form.exponent_mask.valid().is_some() || !form.plus.is_empty();
+    if has_field || has_ratio || is_more || full_scale.is_some() || scale_by.is_some() {
+        tell(&role.location, "a register with this role is one word with a plain scale", "a plain register", problems);
+    }
+}
+
+/// Settings and the watchdog are whole words.
+fn others_need_words(file: &ModelFile, problems: &mut Vec<Problem>) {
+    for register in &file.registers {
+        let (Some(range), Some(_)) = (register.range_location(), register.form.full_scale.valid()) else { continue };
+        tell(range, "the range of a fraction is not fixed", "leave it out", problems);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::testing::{MODEL, told_with};
+
+    /// What is said of `keys` in the one register of the small model.
+    fn said(keys: &str) -> String {
+        let told = told_with(MODEL, "scale = 100\n", &format!("{keys}\n"));
+        let lines: Vec<_> = told.lines().map(str::trim).collect();
+        let said = lines.chunks(2).map(|pair| {
+            let what = pair[0].split_once(' ').map_or(pair[0], |(_, what)| what);
+            format!("{what} -> {}", pair[1].trim_start_matches("right: "))
+        });
+        said.collect::<Vec<_>>().join("\n").replace("register[0].", "")
+    }
+
+    #[test]
+    fn mistakes_in_words_and_fields_are_named() {
+        for (keys, expected) in [
+            (
+                "words = 2",
+                "words: the order of the two words is not stated -> `word_order = \"high-first\"` or \"low-first\"",
+            ),
+            ("word_order = \"low-first\"", "word_order: one word has no order -> `words = 2`, or leave it out"),
+            ("words = 3", "words: 3 is out of range -> a whole number from 1 to 2"),
+            (
+                "mask = 0x0F0F",
+                "mask: 0x0F0F is not one field: there are gaps between its bits -> a mask whose bits are neighbours",
+            ),
+            ("mask = 0xFFFF", "mask: 0xFFFF is the whole word -> leave it out"),
+            (
+                "exponent_mask = 0x0C00",
+                "exponent_mask: an exponent needs a mantissa -> `mask`, the bits of the mantissa",
+            ),
+            (
+                "mask = 0x0FFF\nexponent_mask = 0x0C00",
+                "exponent_mask: the exponent has bits of the mantissa -> bits that `mask` does not have",
+            ),
+            ("mask = 0x00FF\nexponent_mask = 0x0F00", "exponent_mask: the exponent is too wide -> at most 3 bits"),
+        ] {
+            assert_eq!(said(keys), expected);
+        }
+    }
+
+    #[test]
+    fn mistakes_in_scales_are_named() {
+        for (keys, expected) in [
+            ("scale = { steps = 0, per = 1 }", "scale.steps: 0 is out of range -> a whole number from 1 to 1000000"),
+            ("scale = { steps = 4096 }", "scale.per: `per` is missing -> a whole number from 1 to 1000000"),
+            (
+                "full_scale = { steps = 16384, of = \"max\" }",
+                "full_scale.of: there is no register `max` -> the name of a register of this model",
+            ),
+            (
+                "full_scale = { steps = 16384, of = \"output_frequency\" }",
+                "full_scale.of: `output_frequency` is not one word with a scale of its own -> \
+                 a register of one word, or a field of it",
+            ),
+            (
+                "scale = 10\nfull_scale = { steps = 16384, of = \"configured\" }",
+                "full_scale: the scale is given twice -> leave out `scale`",
+            ),
+            (
+                "scale_by = { register = \"decimals\", steps = { \"0\" = 1 } }",
+                "scale_by.register: there is no register `decimals` -> the name of a register of this model",
+            ),
+            ("direction = \"sign\"", "direction: a number without a sign has no direction -> `signed = true`"),
+        ] {
+            assert_eq!(said(keys), expected);
+        }
+    }
+}
