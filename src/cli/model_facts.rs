@@ -88,7 +88,7 @@ impl Unproven {
         unproven.add_some("what the drive says it is", model.identity.as_ref().map(|it| &it.values));
         unproven.add_some("what switches the drive's watchdog off", model.watchdog.as_ref().map(|it| &it.off));
         match &model.codes {
-            Some(CodeRule::Groups { origin, .. } | CodeRule::Hexadecimal(origin)) => {
+            Some(CodeRule::Groups { origin, .. } | CodeRule::Linear { origin, .. } | CodeRule::Hexadecimal(origin)) => {
                 unproven.add("how codes are addresses", origin);
             }
             None => {}

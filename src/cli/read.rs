@@ -176,13 +176,19 @@ impl Shown {
     }
 
     /// The value of `register`.
-    fn of_model(register: &Register, word: u16) -> Self {
-        let raw = if register.signed { i64::from(word.cast_signed()) } else { i64::from(word) };
-        let meaning = register.meaning(word).map(|text| Value::Meaning(word, text.to_owned()));
-        let value = meaning.unwrap_or(Value::Number(raw, register.scale, register.unit));
+    ///
+    /// Without the others on which it may depend, its words are all that is known.
+    fn of_model(register: &Register, words: Vec<u16>) -> Self {
+        let first = words.first().copied().unwrap_or_default();
+        let meaning = register.meaning(first).map(|text| Value::Meaning(first, text.to_owned()));
+        let number = register.value(|address| address.word_in(register.address, &words)).and_then(|value| {
+            let (raw, scale) = value.fraction();
+            Some(Value::Number(raw, u32::try_from(scale).ok()?, register.unit))
+        });
+        let value = meaning.or(number);
         let code = register.code.as_ref().map(|code| format!("{code} ")).unwrap_or_default();
         let label = format!("{code}{}", register.name);
-        Self { label, address: register.address.number(), words: vec![word], value: Some(value) }
+        Self { label, address: register.address.number(), words, value }
     }
 
     /// The value: with its unit if its meaning is known, else in decimal and hexadecimal.
@@ -231,8 +237,8 @@ impl ReadRequest {
             Self::Registers(registers) => {
                 let mut values = Vec::with_capacity(registers.len());
                 for register in registers {
-                    match client.read(register.address.number(), 1).await {
-                        Ok(words) => values.extend(words.first().map(|word| Shown::of_model(register, *word))),
+                    match client.read(register.address.number(), register.form.words()).await {
+                        Ok(words) => values.push(Shown::of_model(register, words)),
                         // What the drive does not have must not hide what it has.
                         Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}
                         Err(error) => return Err(error),

@@ -103,6 +103,8 @@ pub(super) struct DriveFile {
     pub rated_current: OptionalKey<u32>,
     /// In mV.
     pub rated_voltage: OptionalKey<u32>,
+    /// In thousandths of a hertz.
+    pub full_scale: OptionalKey<u32>,
     pub registers: Vec<RegisterFile>,
     pub dead_bands: OptionalKey<Vec<(String, Spanned<f64>)>>,
     pub heartbeats: OptionalKey<Vec<(String, Spanned<Duration>)>>,

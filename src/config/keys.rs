@@ -188,6 +188,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's; on `tcp://` at least \"3s\""), "How long after a time-out a late reply may still arrive."),
     key(Section::Drive, "rated_current_a", "A, up to 100000", Some("shown in per cent"), "Rated current, for models that report the current as a percentage of it."),
     key(Section::Drive, "rated_voltage_v", "V, up to 100000", Some("shown in per cent"), "Rated voltage, for models that report the voltage as a percentage of it."),
+    key(Section::Drive, "full_scale_hz", "Hz, up to 100000", Some("none: required where the model says so"), "The frequency of which setpoint and output frequency are fractions, as set at the drive, for models that cannot read it."),
     key(Section::Drive, "register", "tables", Some("none"), "Registers that the model does not list, declared by the operator."),
     key(Section::Drive, "dead_bands", "table: polled register = number", Some("none"), "Smaller changes, in the register's unit, are not published over MQTT before the heartbeat."),
     key(Section::Drive, "heartbeats", "table: polled register = \"1s\" to \"1h\"", Some("`heartbeat` of `[mqtt]`"), "Interval after which an unchanged value is published again, on its own topic."),
@@ -311,11 +312,12 @@ mod tests {
     use super::*;
 
     /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
-    const EXCLUDED: [&str; 8] = [
+    const EXCLUDED: [&str; 9] = [
         "password_env",
         "model_dirs",
         "rated_current_a",
         "rated_voltage_v",
+        "full_scale_hz",
         "watchdog",
         "require_watchdog",
         "failsafe_confirm_timeout",

@@ -13,6 +13,7 @@ pub mod change;
 mod commanders;
 mod control;
 mod file;
+mod full_scale;
 mod host;
 mod http;
 pub mod keys;

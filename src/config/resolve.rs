@@ -1,6 +1,7 @@
 //! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
 
 use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
+use super::full_scale;
 use super::link::{self, OnLine, Settled};
 use super::mqtt::Defaults;
 use super::ready::{
@@ -173,6 +174,7 @@ fn drive_parts(
     problems: &mut Vec<Problem>,
 ) -> DriveParts {
     let model = model_of(drive, models, problems);
+    let model = full_scale::settle(drive, model, problems);
     let control = control::settle(drive, model.as_deref(), of_mqtt.unwrap_or_default(), problems);
     let ratings = ratings::settle(drive, model.as_deref(), problems);
     let points = points::settle(drive, model.as_deref(), of_mqtt.is_some(), problems);

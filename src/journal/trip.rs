@@ -1,6 +1,5 @@
 //! Trips as JSON: the published body of an event, and a record by the names of its registers.
 
-use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
@@ -41,11 +40,14 @@ pub const fn kind(kind: &TripEventKind) -> &'static str {
 /// A trip record, by the names of its registers.
 #[must_use]
 pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) -> Map<String, Value> {
-    let value = |(address, word): &(Address, u16)| match drive.model.register_at(*address) {
-        Some(register) => (register.name.clone(), with_unit(register, *word)),
-        None => (address.to_string(), json!({ "value": word, "unit": null })),
-    };
-    let values: Map<_, _> = record.words.iter().map(value).collect();
+    let mut values = Map::new();
+    for (address, word) in &record.words {
+        let mut fields = drive.model.fields_at(*address).filter(|register| is_of_a_record(register)).peekable();
+        if fields.peek().is_none() {
+            values.insert(address.to_string(), json!({ "value": word, "unit": null }));
+        }
+        values.extend(fields.map(|register| (register.name.clone(), with_unit(register, record))));
+    }
     let text = record.code.and_then(|code| text(drive, code));
     [
         ("at".to_owned(), label(record.at).into()),
@@ -74,6 +76,13 @@ pub fn unit(register: &Register) -> Option<&'static str> {
     Some(register.unit.symbol()).filter(|symbol| *symbol != "-")
 }
 
-fn with_unit(register: &Register, word: u16) -> Value {
-    json!({ "value": Scaled::from_word(word, register).value(), "unit": unit(register) })
+/// Whether its field of a word belongs to a record.
+fn is_of_a_record(register: &Register) -> bool {
+    register.form.mask == u16::MAX || register.role.is_some()
+}
+
+/// The value of `register` from the words of the record; `null` if it depends on others.
+fn with_unit(register: &Register, record: &TripRecord) -> Value {
+    let word = |address| record.words.iter().find(|(it, _)| *it == address).map(|(_, word)| *word);
+    json!({ "value": register.value(word).map(Scaled::value), "unit": unit(register) })
 }

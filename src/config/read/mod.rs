@@ -149,6 +149,7 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
         max_lateness: reader.optional("max_lateness", &Kind::duration(MAX_LATENESS)),
         rated_current: read_rated(&mut reader, "rated_current_a"),
         rated_voltage: read_rated(&mut reader, "rated_voltage_v"),
+        full_scale: read_rated(&mut reader, "full_scale_hz"),
         registers: read_registers(&mut reader),
         dead_bands: inner(&mut reader, "dead_bands", |reader| reader.all(&Kind::decimal(DEAD_BAND))),
         heartbeats: inner(&mut reader, "heartbeats", |reader| reader.all(&Kind::duration(mqtt::HEARTBEAT))),

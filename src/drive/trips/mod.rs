@@ -141,7 +141,8 @@ impl TripWatch {
     pub fn take(&mut self, address: Address, words: &[u16], now: MonoTime) -> Vec<TripEvent> {
         let Some(places) = &self.places else { return Vec::new() };
         let word = |register: Address| register.word_in(address, words);
-        let (seen, cause) = (places.source.seen(word), places.cause.and_then(word));
+        let seen = places.source.seen(word);
+        let cause = places.cause.and_then(|cause| Some(cause.code_in(word(cause.address)?)));
         let mut told = Vec::from_iter(self.take_part(address, words));
         match seen {
             Some(TripReading::Held(true)) => told.extend(self.take_held(now)),
@@ -346,7 +347,10 @@ impl TripWatch {
         let reading = self.reading.take()?;
         // A record that may belong to another trip is discarded.
         let words = if is_sure || reading.count.is_none() { reading.words } else { Vec::new() };
-        let cause = words.iter().find(|(address, _)| Some(*address) == places.cause).map(|(_, word)| *word);
+        let cause = places.cause.and_then(|cause| {
+            let found = words.iter().find(|(address, _)| *address == cause.address);
+            found.map(|(_, word)| cause.code_in(*word))
+        });
         if cause.is_some() && cause == reading.instead_of {
             // The record shows the trip that was active: the other number was misread.
             return None;

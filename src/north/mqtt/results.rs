@@ -112,7 +112,8 @@ pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<Strin
 }
 
 fn kept_frequency(model: &Model, held: u16) -> Option<(String, Value)> {
-    let register = model.register_for(Role::FrequencyCommand)?;
+    // A fraction means nothing without its full scale.
+    let register = model.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
     Some(("frequency_hz".to_owned(), json!(Scaled::from_word(held, register).value())))
 }
 

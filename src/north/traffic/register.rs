@@ -6,7 +6,7 @@ use crate::domain::control::ControlAction;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
 use crate::profile::model::{Model, Register, Role, RunCommand, RunForm};
-use crate::profile::scale::{Scaled, digits_of};
+use crate::profile::scale::digits_of;
 use crate::profile::words::{BIT_MEANINGS, FLAGS};
 
 /// Most values in one line of text.
@@ -60,14 +60,22 @@ fn value(drive: Option<&KnownDrive>, address: Address, word: u16) -> FrameValue 
     let name = drive.and_then(|drive| name(&drive.model, address));
     let known = drive.and_then(|drive| {
         let model = &drive.model;
-        Some(text(drive, model.register_at(address).or_else(|| model.stored_twin(address))?, word))
+        let register = model.register_at(address).or_else(|| model.stored_twin(address))?;
+        let fields: Vec<_> = model.fields_at(address).filter(|it| it.form.mask != u16::MAX).collect();
+        match fields[..] {
+            [] if register.form.is_plain() => Some(text(drive, register, word)),
+            [] => None,
+            _ => Some(fields.iter().map(|field| text(drive, field, word)).collect::<Vec<_>>().join(", ")),
+        }
     });
     FrameValue { address, name, text: known.unwrap_or_else(|| format!("0x{word:04X}")) }
 }
 
 fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     let model = &drive.model;
-    let scaled = Scaled::from_word(word, register);
+    let depends = register.form.bases().next().is_some() || register.form.exponent_mask != 0;
+    let value = register.value(|address| (address == register.address).then_some(word));
+    let Some(scaled) = value.filter(|_| !depends) else { return format!("0x{word:04X}") };
     if let Some(run) = model.run.as_ref().filter(|_| register.role == Some(Role::RunCommand)) {
         return with_meaning(format!("0x{word:04X}"), run_text(run, word));
     }

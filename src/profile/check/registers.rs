@@ -162,13 +162,18 @@ mod tests {
         )]);
         let rule = "groups = { P = 0x01, U = 0x30 }\nseparator = \".\"";
         each_is_told(&[
-            (rule, "", "codes: has no rule -> either `groups` or `form = \"hexadecimal\"`"),
+            (rule, "", "codes: has no rule -> either `groups` or `form`, \"hexadecimal\" or \"linear\""),
             (
                 "separator = \".\"",
                 "form = \"hexadecimal\"",
-                "codes: has two rules -> either `groups` or `form = \"hexadecimal\"`",
+                "codes: has two rules -> either `groups` or `form`, \"hexadecimal\" or \"linear\"",
             ),
             (rule, "groups = {}", "codes.groups: is empty -> at least one group with its high byte"),
+            (
+                "separator = \".\"",
+                "separator = \".\"\noffset = -1",
+                "codes.offset: `offset` applies to `form = \"linear\"` only -> leave it out",
+            ),
             (
                 rule,
                 "form = \"hexadecimal\"\nseparator = \".\"",

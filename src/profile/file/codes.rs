@@ -7,7 +7,13 @@ use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, Section, Spanned};
 
 /// Values of `form`.
-const FORMS: [(&str, ()); 1] = [("hexadecimal", ())];
+const FORMS: [(&str, Form); 2] = [("hexadecimal", Form::Hexadecimal), ("linear", Form::Linear)];
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Hexadecimal,
+    Linear,
+}
 
 /// `[codes]`
 pub(in crate::profile) struct CodesFile {
@@ -17,7 +23,17 @@ pub(in crate::profile) struct CodesFile {
 
 enum CodesForm {
     Hexadecimal,
-    Groups { groups: Vec<(String, u8)>, ends: Vec<(String, u8)>, separator: OptionalKey<String> },
+    Linear {
+        separator: OptionalKey<String>,
+        group: OptionalKey<i32>,
+        number: OptionalKey<i32>,
+        offset: OptionalKey<i32>,
+    },
+    Groups {
+        groups: Vec<(String, u8)>,
+        ends: Vec<(String, u8)>,
+        separator: OptionalKey<String>,
+    },
 }
 
 impl CodesFile {
@@ -26,8 +42,23 @@ impl CodesFile {
         let ends = reader.table("ends");
         let form = reader.optional("form", &Kind::one_of(&FORMS));
         let separator = reader.optional("separator", &Kind::parsed("text", |text| Some(text.to_owned())));
+        let distance = Kind::number(1..=10_000_i32);
+        let group = reader.optional("group", &distance);
+        let number = reader.optional("number", &distance);
+        let offset = reader.optional("offset", &Kind::number(-50_000..=50_000_i32));
         let location = reader.location().clone();
+        let is_linear = form.valid().is_some_and(|form| form.value == Form::Linear);
+        if !is_linear {
+            for (key, given) in [("group", &group), ("number", &number), ("offset", &offset)] {
+                linear_only(key, given, reader.problems());
+            }
+        } else if matches!((&separator, &group), (OptionalKey::Absent, OptionalKey::Valid(_))) {
+            linear_only("group", &group, reader.problems());
+        }
         let form = match (groups, form) {
+            (OptionalKey::Absent, OptionalKey::Valid(_)) if is_linear => {
+                Some(CodesForm::Linear { separator, group, number, offset })
+            }
             (OptionalKey::Valid(section), OptionalKey::Absent) => {
                 let groups = read_groups(reader.open(section.value));
                 let ends = read_ends(ends, &groups, &mut reader);
@@ -54,6 +85,13 @@ impl CodesFile {
         let origin = fact((), self.origin.as_ref())?;
         Some(match self.form.as_ref()? {
             CodesForm::Hexadecimal => CodeRule::Hexadecimal(origin),
+            CodesForm::Linear { separator, group, number, offset } => CodeRule::Linear {
+                separator: separator.clone().optional()?,
+                group: group.or(100)?,
+                number: number.or(1)?,
+                offset: offset.or(0)?,
+                origin,
+            },
             CodesForm::Groups { groups, ends, separator } => CodeRule::Groups {
                 groups: groups.clone(),
                 ends: ends.clone(),
@@ -96,7 +134,16 @@ fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
     }
 }
 
+/// `given` has no effect here: it belongs to a linear rule with groups.
+fn linear_only(key: &str, given: &OptionalKey<i32>, problems: &mut Vec<Problem>) {
+    if let OptionalKey::Valid(Spanned { location, .. }) = given {
+        let what = format!("`{key}` applies to `form = \"linear\"` only");
+        let what = if key == "group" { format!("{what}, with a `separator`") } else { what };
+        problems.push(location.problem(what).right("leave it out"));
+    }
+}
+
 fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<CodesForm> {
-    problems.push(location.problem(what).right("either `groups` or `form = \"hexadecimal\"`"));
+    problems.push(location.problem(what).right("either `groups` or `form`, \"hexadecimal\" or \"linear\""));
     None
 }

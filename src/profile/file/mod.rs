@@ -61,6 +61,8 @@ impl ModelFile {
         let of = id.as_ref().map(|id| id.value.clone());
         let proven = &Facts { documents: documents.as_ref(), model: of.as_deref(), defaults: false };
         let chosen = &Facts { defaults: true, ..*proven };
+        let codes = given(&mut reader, "codes", |reader| CodesFile::read(proven, reader));
+        let rule = codes.valid().and_then(|codes| codes.value.ready());
         let file = Self {
             id,
             vendor: reader.required("vendor", &Kind::text()),
@@ -79,10 +81,10 @@ impl ModelFile {
             setup: all(&mut reader, "setup", |reader| SetupFile::read(proven, reader)),
             identity: given(&mut reader, "identity", |reader| IdentityFile::read(proven, reader)),
             watchdog: given(&mut reader, "watchdog", |reader| WatchdogFile::read(proven, reader)),
-            codes: given(&mut reader, "codes", |reader| CodesFile::read(proven, reader)),
+            codes,
             registers: all(&mut reader, "register", |mut reader| {
                 let origin = proven.origin(&mut reader);
-                RegisterFile::of_model(reader, origin)
+                RegisterFile::of_model(reader, origin, rule.as_ref())
             }),
             documents,
         };

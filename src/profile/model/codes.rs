@@ -16,6 +16,20 @@ pub enum CodeRule {
         /// Confidence and source of the rule.
         origin: Fact<()>,
     },
+    /// Numbers in decimal with a fixed distance between their addresses: address = group x `group` + number x `number`
+    /// + `offset`.
+    Linear {
+        /// The text between group and number; `None` if a code is a number alone.
+        separator: Option<String>,
+        /// Addresses from one group to the next.
+        group: i32,
+        /// Addresses from one number to the next.
+        number: i32,
+        /// The address of number 0 in group 0.
+        offset: i32,
+        /// Confidence and source of the rule.
+        origin: Fact<()>,
+    },
     /// The code is the address in hexadecimal.
     Hexadecimal(Fact<()>),
 }
@@ -28,6 +42,16 @@ impl CodeRule {
             Self::Hexadecimal(_) => {
                 let is_hex = code.len() == 4 && code.bytes().all(|digit| digit.is_ascii_hexdigit());
                 is_hex.then(|| u16::from_str_radix(code, 16).ok())?
+            }
+            Self::Linear { separator, group, number, offset, .. } => {
+                let (of_group, of_number) = match separator {
+                    Some(separator) => code.split_once(separator.as_str())?,
+                    None => ("0", code),
+                };
+                let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+                let parsed = |text: &str| text.parse::<i64>().ok().filter(|_| is_number(text) && text.len() <= 6);
+                let address = parsed(of_group)? * i64::from(*group) + parsed(of_number)? * i64::from(*number);
+                u16::try_from(address + i64::from(*offset)).ok()
             }
             Self::Groups { groups, ends, separator, .. } => {
                 // The longest group first: `U0` must not hide `U00`.
@@ -71,6 +95,24 @@ mod tests {
         };
         assert_eq!((rule.address("A60"), rule.address("b17"), rule.address("B17")), (Some(0x033C), Some(0x0411), None));
         assert_eq!((rule.address("b18"), rule.address("b255")), (None, None), "the rule ends at b17");
+    }
+
+    #[test]
+    fn a_linear_code_is_counted() {
+        let linear = |separator: Option<&str>, group, number, offset| CodeRule::Linear {
+            separator: separator.map(str::to_owned),
+            group,
+            number,
+            offset,
+            origin: origin(),
+        };
+        let menus = linear(Some("."), 100, 1, -1);
+        assert_eq!((menus.address("10.38"), menus.address("0.1")), (Some(1037), Some(0)));
+        for wrong in ["0.0", "10", "10.", ".38", "10.3.8", "+1.1", "9999.1"] {
+            assert_eq!(menus.address(wrong), None, "{wrong}");
+        }
+        let numbers = linear(None, 0, 10, -1);
+        assert_eq!((numbers.address("1610"), numbers.address("6554")), (Some(16_099), None));
     }
 
     #[test]

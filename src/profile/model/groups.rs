@@ -23,7 +23,7 @@ impl Model {
     #[must_use]
     pub fn groups(&self) -> Vec<Group> {
         match &self.codes {
-            None => Vec::new(),
+            None | Some(CodeRule::Linear { .. }) => Vec::new(),
             Some(CodeRule::Groups { groups, .. }) => {
                 groups.iter().map(|(name, high)| Group { name: name.clone(), high: *high }).collect()
             }
@@ -47,6 +47,7 @@ impl Model {
         let rule = self.codes.as_ref()?;
         let [high, low] = address.number().to_be_bytes();
         let code = match rule {
+            CodeRule::Linear { .. } => return None,
             CodeRule::Hexadecimal(_) => {
                 let is_decimal = low & 0xF <= 9 && low >> 4 <= 9;
                 let is_known = self.parameters().any(|it| it.address.number().to_be_bytes()[0] == high);

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 /// has no role.
 pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
     let mut reader = Reader::new(section, problems);
-    let mut register = RegisterFile::read(&mut reader);
+    let mut register = RegisterFile::read(&mut reader, None);
     register.origin = Some((Confidence::Configured, "configuration".to_owned()));
     reader.refuse("role", "a register in the configuration has no role", "leave it out");
     reader.finish();

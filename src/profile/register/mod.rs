@@ -10,7 +10,7 @@ pub(super) use form::{CONFIGURED, FormFile, Steps};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 
 use super::file::Origin;
-use super::model::{Access, FactPart, Memory, PollClass, Register, Role};
+use super::model::{Access, CodeRule, FactPart, Memory, PollClass, Register, Role};
 use super::scale::steps;
 use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES};
 use crate::domain::units::UnitOfMeasure;
@@ -96,13 +96,16 @@ impl RegisterFile {
         })
     }
 
-    /// The keys common to all registers.
-    fn read(reader: &mut Reader<'_, '_>) -> Self {
+    /// The keys common to all registers; `rule` gives the address of a register that states only its code.
+    fn read(reader: &mut Reader<'_, '_>, rule: Option<&CodeRule>) -> Self {
+        let name = reader.required("name", &Kind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name));
+        let title = reader.required("title", &Kind::text());
+        let code = reader.optional("code", &Kind::text());
         let register = Self {
-            name: reader.required("name", &Kind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name)),
-            title: reader.required("title", &Kind::text()),
-            code: reader.optional("code", &Kind::text()),
-            address: reader.required("address", &Kind::address()),
+            address: read_address(reader, &code, rule),
+            name,
+            title,
+            code,
             scale: form::steps(reader, "scale"),
             signed: reader.optional("signed", &Kind::flag()),
             unit: reader.required("unit", &Kind::one_of(&UNITS)),
@@ -127,8 +130,8 @@ impl RegisterFile {
     }
 
     /// One `[[register]]` of a model file whose confidence and source have already been read.
-    pub(super) fn of_model(mut reader: Reader<'_, '_>, origin: Option<Origin>) -> Self {
-        let mut register = Self::read(&mut reader);
+    pub(super) fn of_model(mut reader: Reader<'_, '_>, origin: Option<Origin>, rule: Option<&CodeRule>) -> Self {
+        let mut register = Self::read(&mut reader, rule);
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
         register.form = FormFile::read(&mut reader);
         register.memory = reader.optional("memory", &Kind::one_of(&MEMORIES));
@@ -176,6 +179,25 @@ impl RegisterFile {
             return OptionalKey::Invalid;
         }
         OptionalKey::Valid(Spanned { value: low..=high, location })
+    }
+}
+
+/// `address`, or the address of `code`.
+fn read_address(reader: &mut Reader<'_, '_>, code: &OptionalKey<String>, rule: Option<&CodeRule>) -> RequiredKey<u16> {
+    let kind = Kind::address();
+    match (reader.optional("address", &kind), code.valid()) {
+        (OptionalKey::Valid(address), _) => Some(address),
+        (OptionalKey::Invalid, _) => None,
+        (OptionalKey::Absent, code) => {
+            let by_code = |code: &Spanned<String>| {
+                Some(Spanned { value: rule?.address(&code.value)?, location: code.location.clone() })
+            };
+            code.and_then(by_code).or_else(|| {
+                let problem = reader.location().missing("address").problem("`address` is missing");
+                reader.problems().push(problem.right(kind.right()));
+                None
+            })
+        }
     }
 }
 

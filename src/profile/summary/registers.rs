@@ -149,6 +149,11 @@ pub(super) fn codes(rule: Option<&CodeRule>) -> Vec<Row> {
     match rule {
         None => Vec::new(),
         Some(CodeRule::Hexadecimal(origin)) => vec![row("a code is", "the address in hexadecimal", origin)],
+        Some(CodeRule::Linear { separator, group, number, offset, origin }) => {
+            let code = separator.as_ref().map_or_else(|| "n".to_owned(), |separator| format!("g{separator}n"));
+            let of_group = separator.as_ref().map(|_| format!("g x {group} + ")).unwrap_or_default();
+            vec![row("a code is", format!("{code} = {of_group}n x {number} {offset:+}"), origin)]
+        }
         Some(CodeRule::Groups { groups, ends, separator, origin }) => {
             let end = |name: &String| ends.iter().find(|(it, _)| it == name).map(|(_, end)| *end);
             let group = |(name, byte): &(String, u8)| {

@@ -50,7 +50,8 @@ fn button(key: &str, name: &str, needs: Needs, payload: &str) -> Entity {
 fn setpoint(drive: &DriveDescription, control: &ControlSettings, topic: &dyn Fn(&str) -> String) -> Option<Entity> {
     let least = control.least.as_f64();
     let most = control.most.as_f64();
-    let scale = drive.model.register_for(Role::FrequencyCommand)?.scale;
+    let command = drive.model.register_for(Role::FrequencyCommand)?;
+    let scale = if command.is_exact() { command.scale } else { 100 };
     if least >= most {
         return None;
     }
