@@ -66,7 +66,7 @@ pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
         let bit = 1_u16.checked_shl(bit.value.into())?;
         if address & bit == 0 { None } else { model.register_at(address & !bit) }
     });
-    let register = model.register_at(address).or(twin_of)?;
+    let register = model.writable_at(address).or_else(|| model.register_at(address)).or(twin_of)?;
     Some(Listed { address, register, twin_of })
 }
 

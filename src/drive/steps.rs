@@ -371,7 +371,8 @@ fn reset_shown(model: &Model) -> Vec<Condition> {
     let flags = [Flag::Tripped, Flag::Running].into_iter().filter_map(|flag| Condition::flag(model, flag, false));
     let mut shown: Vec<_> = flags.collect();
     if shown.is_empty() {
-        let output = model.register_for(Role::OutputFrequency);
+        // One word of a pair may be 0 although the motor turns.
+        let output = model.register_for(Role::OutputFrequency).filter(|output| output.form.is_one_word());
         shown.extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
     }
     shown

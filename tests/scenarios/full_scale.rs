@@ -1,8 +1,8 @@
 //! Values that are more than one word with a scale are shown as the manual means them, and a setpoint that is a fraction
 //! of a full scale is ordered only while that full scale is known.
 
-use crate::support::families::{accepting, refused, rig_of, write};
-use crate::support::{MQTT, Rig, STOP, run, setpoint};
+use crate::support::families::{accepting, options_of, refused, rig_of, write};
+use crate::support::{MQTT, Rig, RigOptions, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
@@ -10,19 +10,16 @@ use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::profile::check;
+use vfd_gateway::sim::BadRequest;
 
 const SECOND: Duration = Duration::from_secs(1);
 const VALUES: &str = include_str!("../golden/models/values.toml");
 /// The register that holds the full scale in tenths of a hertz.
 const FULL_SCALE: u16 = 0x0010;
 
-fn new() -> Rig {
-    rig_of(&Arc::new(check::model(VALUES).unwrap()), accepting())
-}
-
 /// A rig whose drive has shown everything, and has been stopped, so that it may be started.
 fn ready() -> Rig {
-    let mut rig = new();
+    let mut rig = rig_of(&Arc::new(check::model(VALUES).unwrap()), accepting());
     rig.pass(SECOND * 5);
     assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
     rig.pass(SECOND * 3);
@@ -54,8 +51,13 @@ fn a_setpoint_is_a_fraction_of_what_the_drive_says() {
     // 42.5 Hz of 60.0 Hz are 11605.33 of 16384.
     assert_eq!(rig.commanded(MQTT, setpoint(4250)), (Outcome::Confirmed, Reason::None));
     assert_eq!(setpoints(&rig), [11_605]);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Reverse, None)), (Outcome::Confirmed, Reason::None));
-    rig.pass(SECOND * 12);
+    // Without a status word nothing confirms that it runs.
+    assert_eq!(rig.commanded(MQTT, run(Direction::Reverse, None)), (Outcome::Acknowledged, Reason::None));
+    for _ in 0..10 {
+        // A client that keeps commanding keeps control.
+        rig.pass(SECOND);
+        assert_eq!(rig.commanded(MQTT, setpoint(4250)), (Outcome::Confirmed, Reason::None));
+    }
     assert_eq!(shown(&rig, "output_frequency").as_deref(), Some("42.499"), "a magnitude");
     assert_eq!(rig.view(0).run_state, RunState::Reverse, "the sign tells the direction");
     assert_eq!(shown(&rig, "output_voltage").as_deref(), Some("280"), "a field: 283 V in steps of 4 V");
@@ -79,8 +81,12 @@ fn rounding_never_crosses_a_limit() {
 }
 
 #[test]
-fn no_setpoint_before_the_full_scale_was_read() {
-    let mut rig = new();
+fn no_setpoint_while_the_full_scale_cannot_be_read() {
+    let really = VALUES.replace("address = 0x0010", "address = 0x0012");
+    let model = Arc::new(check::model(VALUES).unwrap());
+    let really = Some(Arc::new(check::model(&really).unwrap()));
+    let mut rig = Rig::new(&RigOptions { really, bad_request: BadRequest::Exception, ..options_of(&model, accepting()) });
+    rig.pass(SECOND * 5);
     assert_eq!(rig.commanded(MQTT, setpoint(4250)), (Outcome::Refused, Reason::FullScaleUnknown));
     assert!(setpoints(&rig).is_empty());
     assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "a stop never depends on it");

@@ -373,17 +373,18 @@ impl DriveWork {
 /// The output frequency, and the status register where that tells whether the drive is ordered to run: in one read if
 /// the model allows it.
 fn looks(model: &Model) -> Vec<(Address, u16)> {
-    let output = model.register_for(Role::OutputFrequency).map(|register| register.address);
+    let output = model.register_for(Role::OutputFrequency).map(|register| (register.address, register.form.words()));
     let status = model.status_flag(Flag::Running).map(|flag| flag.address);
-    let (Some(output), Some(status)) = (output, status) else {
-        return output.or(status).map(|address| (address, 1)).into_iter().collect();
+    let (Some((output, words)), Some(status)) = (output, status) else {
+        return output.or(status.map(|address| (address, 1))).into_iter().collect();
     };
-    let (first, last) = (output.min(status), output.max(status));
+    let first = output.min(status);
+    let last = output.saturating_add(words - 1).max(status);
     let count = last.offset_from(first).and_then(|offset| offset.checked_add(1)).unwrap_or(u16::MAX);
     let all_known = || first.onwards().take(count.into()).all(|it| model.readable_at(it).is_some());
     if count <= model.words_in_one_read(first) && all_known() {
         vec![(first, count)]
     } else {
-        vec![(status, 1), (output, 1)]
+        vec![(status, 1), (output, words)]
     }
 }

@@ -24,7 +24,11 @@ impl DriveWork {
     pub fn take_words(&mut self, address: Address, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         if reading.is_its_own {
-            self.changed_basis = self.guard.take_bases(address, words, reading.at).or(self.changed_basis);
+            if let Some(changed) = self.guard.take_bases(address, words, reading.at) {
+                self.changed_basis = Some(changed);
+                // What waits was worked out with another full scale.
+                self.cut_motion(Reason::FullScaleUnknown, out);
+            }
         }
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {

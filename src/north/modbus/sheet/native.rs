@@ -59,7 +59,7 @@ fn step(register: &Register) -> String {
     let is_code = !register.meanings.is_empty()
         || register.role.is_some_and(|role| role == Role::RunCommand || names_trips(role));
     match register.scale {
-        _ if is_code => String::new(),
+        _ if is_code || !register.form.is_plain() => String::new(),
         scale if 10_u32.pow(scale.ilog10()) == scale => Scaled::from_word(1, register).to_string(),
         scale => format!("1/{scale}"),
     }
