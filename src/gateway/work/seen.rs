@@ -23,12 +23,12 @@ impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
     pub fn take_words(&mut self, address: Address, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
-        if reading.is_its_own {
-            if let Some(changed) = self.guard.take_bases(address, words, reading.at) {
-                self.changed_basis = Some(changed);
-                // What waits was worked out with another full scale.
-                self.cut_motion(Reason::FullScaleUnknown, out);
-            }
+        if reading.is_its_own
+            && let Some(changed) = self.guard.take_bases(address, words, reading.at)
+        {
+            self.changed_basis = Some(changed);
+            // What waits was worked out with another full scale.
+            self.cut_motion(Reason::FullScaleUnknown, out);
         }
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
