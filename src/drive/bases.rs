@@ -9,6 +9,8 @@ use std::time::Duration;
 #[derive(Clone, Debug, Default)]
 pub struct Bases {
     known: Vec<(Address, Option<Known>)>,
+    /// The age from which they are stale; `None` for never.
+    limit: Option<Duration>,
 }
 
 /// What one of them held last.
@@ -29,7 +31,7 @@ impl Bases {
         let mut addresses: Vec<_> = registers.into_iter().flatten().flat_map(|it| it.form.bases()).collect();
         addresses.sort_unstable();
         addresses.dedup();
-        Self { known: addresses.into_iter().map(|address| (address, None)).collect() }
+        Self { known: addresses.into_iter().map(|address| (address, None)).collect(), limit: None }
     }
 
     /// Takes the words that a read from `first` on brought. Returns the first register that holds another word than before.
@@ -44,6 +46,11 @@ impl Bases {
         changed
     }
 
+    /// Sets the age from which they are stale.
+    pub const fn stale_after(&mut self, limit: Duration) {
+        self.limit = Some(limit);
+    }
+
     /// Discards everything: the drive is offline.
     pub fn forget(&mut self) {
         self.known.iter_mut().for_each(|(_, known)| *known = None);
@@ -55,10 +62,10 @@ impl Bases {
         self.find(address).map(|known| known.word)
     }
 
-    /// Whether all that `register` depends on is known at `now`, not older than `limit`, and not in the course of a change.
+    /// Whether all that `register` depends on is known at `now`, not stale, and not in the course of a change.
     #[must_use]
-    pub fn are_sure(&self, register: &Register, now: MonoTime, limit: Duration) -> bool {
-        let is_sure = |known: Known| known.is_settled && now.since(known.at) < limit;
+    pub fn are_sure(&self, register: &Register, now: MonoTime) -> bool {
+        let is_sure = |known: Known| known.is_settled && self.limit.is_none_or(|limit| now.since(known.at) < limit);
         register.form.bases().all(|address| self.find(address).is_some_and(is_sure))
     }
 
@@ -74,7 +81,7 @@ mod tests {
     #[test]
     fn a_change_is_believed_when_it_was_read_twice() {
         let address = Address::holding(0x0010);
-        let mut bases = Bases { known: vec![(address, None)] };
+        let mut bases = Bases { known: vec![(address, None)], limit: None };
         let at = MonoTime::from_millis;
         let settled = |bases: &Bases| bases.find(address).is_some_and(|known| known.is_settled);
         assert_eq!((bases.word(address), settled(&bases)), (None, false));

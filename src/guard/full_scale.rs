@@ -18,7 +18,7 @@ impl DriveGuard {
 
     /// Sets the age from which a reading of the full scale is stale.
     pub const fn bases_stale_after(&mut self, limit: Duration) {
-        self.bases_limit = limit;
+        self.bases.stale_after(limit);
     }
 
     /// Takes the words that a read from `first` on brought. Returns the register of a full scale that has changed: it is to
@@ -38,7 +38,7 @@ impl DriveGuard {
     pub(super) fn knows_full_scale(&self, now: MonoTime) -> Result<(), Report> {
         let command = self.model.register_for(Role::FrequencyCommand);
         let mut registers = command.into_iter().chain(self.model.setting_register());
-        let all = registers.all(|register| self.bases.are_sure(register, now, self.bases_limit));
+        let all = registers.all(|register| self.bases.are_sure(register, now));
         if all { Ok(()) } else { Err(refused(Reason::FullScaleUnknown)) }
     }
 }

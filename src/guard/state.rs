@@ -13,7 +13,6 @@ use crate::drive::steps;
 use crate::journal::Cause;
 use crate::profile::model::Model;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Control of one drive.
 #[derive(Debug)]
@@ -22,8 +21,6 @@ pub struct DriveGuard {
     pub(super) control: Option<Arc<ControlSettings>>,
     /// What the frequencies of the drive are fractions of.
     pub(super) bases: Bases,
-    /// The age from which that is stale.
-    pub(super) bases_limit: Duration,
     pub(super) lease: Option<Lease>,
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order counts as new.
@@ -96,7 +93,6 @@ impl DriveGuard {
     pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64, now: MonoTime) -> Self {
         Self {
             bases: Bases::of(&model),
-            bases_limit: Duration::MAX,
             model,
             control,
             lease: None,
