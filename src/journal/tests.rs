@@ -15,7 +15,7 @@ use crate::drive::plan::Pace;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
 use crate::profile::check;
-use crate::profile::model::Model;
+use crate::profile::model::{CodeText, Confidence, Model, Role};
 use crate::vendors;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -352,4 +352,27 @@ fn a_lease_of_an_earlier_life_is_marked_once() {
     assert!(book.is_empty());
     book.touch_all();
     assert_eq!(book.len(), 1);
+}
+
+#[test]
+fn of_trips_that_are_bits_all_texts_are_told() {
+    let mut drive = drive("fan");
+    let mut model = Model::clone(&drive.model);
+    let mut register = model.registers[0].clone();
+    model.registers.clear();
+    register.role = Some(Role::TripBits);
+    let address = register.address;
+    model.registers.push(register);
+    let text = |code, text: &str| CodeText {
+        code,
+        text: text.to_owned(),
+        confidence: Confidence::Manual,
+        source: "IM 1".to_owned(),
+    };
+    model.trip_codes = vec![text(1, "overcurrent"), text(4, "overheated")];
+    drive.model = Arc::new(model);
+    let record = TripRecord { at: MonoTime::from_millis(1), code: Some(1), words: vec![(address, 0b10_1001)] };
+    assert_eq!(trip::text_of(&drive, &record).as_deref(), Some("overcurrent; overheated; bit 5"));
+    let unread = TripRecord { words: Vec::new(), ..record };
+    assert_eq!(trip::text_of(&drive, &unread).as_deref(), Some("overcurrent"), "as far as it is known");
 }

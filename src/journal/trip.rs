@@ -2,8 +2,8 @@
 
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::profile::model::Register;
+use crate::drive::view::{DriveView, TripEvent, TripEventKind, TripRecord};
+use crate::profile::model::{Register, Role};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 
@@ -48,7 +48,7 @@ pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) 
         }
         values.extend(fields.map(|register| (register.name.clone(), with_unit(register, record))));
     }
-    let text = record.code.and_then(|code| text(drive, code));
+    let text = text_of(drive, record);
     [
         ("at".to_owned(), label(record.at).into()),
         ("code".to_owned(), record.code.into()),
@@ -59,6 +59,48 @@ pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) 
     .collect()
 }
 
+/// The vendor's text for the trip of `record`. If each trip has a bit, the texts of all that were active.
+#[must_use]
+pub fn text_of(drive: &DriveDescription, record: &TripRecord) -> Option<String> {
+    let bits = drive.model.trip_bits().and_then(|register| {
+        let (_, bits) = record.words.iter().find(|(address, _)| *address == register.address)?;
+        bits_text(drive, register.code_in(*bits))
+    });
+    bits.or_else(|| record.code.and_then(|code| text(drive, code)))
+}
+
+/// The vendor's text for the newest trip: of the record that was read since the start, else of the one that was kept.
+#[must_use]
+pub fn newest_text(drive: &DriveDescription, view: &DriveView) -> Option<String> {
+    match &view.trip.last {
+        Some(last) => text_of(drive, last),
+        None => view.trip_kept.last_code.and_then(|code| text(drive, code)),
+    }
+}
+
+/// The vendor's text for the active trip; `None` if none is known to be active.
+#[must_use]
+pub fn active_text(drive: &DriveDescription, view: &DriveView) -> Option<String> {
+    if view.trip.active? { text_of(drive, view.trip.last.as_ref()?) } else { None }
+}
+
+/// What the `word` of a register with `role` says about trips; `None` if it shows none, or other things.
+#[must_use]
+pub fn meaning(drive: &DriveDescription, role: Role, word: u16) -> Option<String> {
+    match role {
+        Role::TripBits => bits_text(drive, word),
+        Role::TripCode | Role::TripCause | Role::TripHistory => text(drive, word),
+        _ => None,
+    }
+}
+
+/// The texts of all trips whose bits are set in `bits`, the lowest first.
+fn bits_text(drive: &DriveDescription, bits: u16) -> Option<String> {
+    let set = (0..16_u16).filter(|bit| bits >> bit & 1 == 1);
+    let texts: Vec<_> = set.filter_map(|bit| text(drive, bit + 1)).collect();
+    (!texts.is_empty()).then(|| texts.join("; "))
+}
+
 /// The vendor's text for trip `code`, marked if it is unproven; `None` for 0, which is no trip.
 #[must_use]
 pub fn text(drive: &DriveDescription, code: u16) -> Option<String> {
@@ -66,6 +108,7 @@ pub fn text(drive: &DriveDescription, code: u16) -> Option<String> {
         _ if code == 0 => None,
         Some(known) if known.confidence.is_proven() => Some(known.text.clone()),
         Some(known) => Some(format!("{} ({})", known.text, known.confidence.word())),
+        None if drive.model.trip_bits().is_some() => Some(format!("bit {}", code - 1)),
         None => Some(format!("code {code}")),
     }
 }

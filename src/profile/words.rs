@@ -80,7 +80,7 @@ pub(super) const CONFIDENCES: [(&str, Confidence); 7] =
     own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
-pub const ROLES: [(&str, Role); 22] = [
+pub const ROLES: [(&str, Role); 23] = [
     ("run-command", Role::RunCommand),
     ("frequency-command", Role::FrequencyCommand),
     ("frequency-setting", Role::FrequencySetting),
@@ -90,6 +90,7 @@ pub const ROLES: [(&str, Role); 22] = [
     ("frequency-source", Role::FrequencySource),
     ("run-source", Role::RunSource),
     ("trip-code", Role::TripCode),
+    ("trip-bits", Role::TripBits),
     ("trip-count", Role::TripCount),
     ("trip-cause", Role::TripCause),
     ("trip-frequency", Role::TripFrequency),

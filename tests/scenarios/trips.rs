@@ -1,7 +1,8 @@
 //! Trips are detected, read with their record, reported once, and cancel every order to run.
 
-use crate::support::families::{accepting, models, rig_of, single};
+use crate::support::families::{accepting, model_with, models, rig_of, single};
 use crate::support::{MQTT, Rig, RigOptions, STOP, model, plc, run};
+use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::ids::Station;
@@ -9,6 +10,7 @@ use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEvent, TripEventKind};
 use vfd_gateway::gateway::Input;
+use vfd_gateway::profile::model::{Flag, Model, Role};
 
 const RUN: u16 = 0x0002;
 
@@ -184,4 +186,86 @@ fn run_that_was_held_through_a_trip_does_not_start_the_motor_when_the_drive_is_r
         rig.commanded(plc(1), STOP);
         assert_eq!(rig.commanded(plc(1), held()).0, Outcome::Confirmed, "{id}: ordered anew");
     }
+}
+
+/// A drive whose present trip stands in a register with `role`, with or without a flag beside it.
+fn showing(role: Role, has_flag: bool) -> Arc<Model> {
+    model_with("teco-e510", |model| {
+        model.status.retain(|it| has_flag || it.flag != Flag::Tripped);
+        for register in &mut model.registers {
+            if register.role == Some(Role::TripCode) {
+                register.role = Some(role);
+            }
+        }
+    })
+}
+
+/// The code and the words of each trip that was told, in order.
+fn codes(rig: &Rig) -> Vec<(Option<u16>, Vec<u16>)> {
+    let trip = |(_, event): &(_, TripEvent)| match &event.kind {
+        TripEventKind::Tripped { record, .. } => {
+            Some((record.code, record.words.iter().map(|(_, word)| *word).collect()))
+        }
+        TripEventKind::Cleared => None,
+    };
+    rig.trips.iter().filter_map(trip).collect()
+}
+
+#[test]
+fn two_bits_at_once_are_one_trip_that_tells_both() {
+    for has_flag in [true, false] {
+        let mut rig = rig_of(&showing(Role::TripBits, has_flag), accepting());
+        rig.pass(Duration::from_secs(3));
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
+        tripped(&mut rig, 4);
+        rig.pass(Duration::from_secs(5));
+        assert_eq!(codes(&rig), [(Some(4), vec![0b0100_1000])], "flag: {has_flag}");
+        assert_eq!((rig.view(0).run_state, rig.view(0).trip.seen), (RunState::Tripped, 1));
+    }
+}
+
+#[test]
+fn a_second_bit_while_the_first_holds_is_another_trip_and_one_that_clears_is_none() {
+    for has_flag in [true, false] {
+        let mut rig = rig_of(&showing(Role::TripBits, has_flag), accepting());
+        rig.pass(Duration::from_secs(3));
+        tripped(&mut rig, 4);
+        rig.pass(Duration::from_secs(3));
+        tripped(&mut rig, 7);
+        rig.pass(Duration::from_secs(3));
+        let both = [(Some(4), vec![0b0000_1000]), (Some(4), vec![0b0100_1000])];
+        assert_eq!(codes(&rig), both, "flag: {has_flag}");
+        rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0b0100_0000);
+        rig.pass(Duration::from_secs(5));
+        assert_eq!((codes(&rig).len(), rig.view(0).trip.active), (2, Some(true)), "flag: {has_flag}");
+        tripped(&mut rig, 4);
+        rig.pass(Duration::from_secs(3));
+        assert_eq!(codes(&rig).len(), 3, "the bit is set again; flag: {has_flag}");
+    }
+}
+
+#[test]
+fn bits_that_clear_end_the_trip_once() {
+    let mut rig = rig_of(&showing(Role::TripBits, false), accepting());
+    rig.pass(Duration::from_secs(3));
+    tripped(&mut rig, 4);
+    rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0);
+    rig.pass(Duration::from_secs(5));
+    assert_eq!((codes(&rig).len(), rig.trips.len(), rig.view(0).trip.active), (1, 2, Some(false)));
+    assert_eq!(rig.trips.last().unwrap().1.kind, TripEventKind::Cleared);
+}
+
+#[test]
+fn an_old_cause_while_the_flag_is_clear_is_no_trip() {
+    let model = showing(Role::TripCause, true);
+    let mut rig = rig_of(&model, accepting());
+    rig.pass(Duration::from_secs(3));
+    tripped(&mut rig, 4);
+    assert_eq!(rig.commanded(MQTT, Order::Reset).0, Outcome::Confirmed);
+    rig.pass(Duration::from_secs(30));
+    assert_eq!((told(&rig), rig.trips.len()), (1, 2), "{:?}", rig.trips);
+    rig.reopen();
+    rig.pass(Duration::from_secs(30));
+    assert_eq!((told(&rig), rig.view(0).trip.active), (1, Some(false)), "the cause is still shown");
 }

@@ -4,7 +4,8 @@
 //!   two equal counts, so that it belongs to the count. A fall, and a rise by more than a few at once, are read again
 //!   before they are believed, and a rise that the next reading does not confirm is ignored.
 //! * A drive that shows whether a trip is active, by a flag or by the trip's number: each time it becomes active is a
-//!   trip, and so is another number while it is active.
+//!   trip, and so is another number while it is active. Where each trip has a bit, another bit is another trip; a bit
+//!   that two readings in a row show cleared may become one again.
 //!
 //! A detected trip is always reported: if it ends or the drive goes offline before its record was read, it is reported
 //! without one.
@@ -38,7 +39,7 @@ pub struct TripBaseline {
     pub count: Option<u16>,
     /// Whether a reported trip was active, if known.
     pub held: Option<bool>,
-    /// The vendor's number of the last active trip, if it was read.
+    /// The vendor's number of the last active trip, or the bits of those active; `None` if it was not read.
     pub code: Option<u16>,
 }
 
@@ -55,8 +56,12 @@ pub struct TripWatch {
     doubted: Option<u16>,
     /// Whether a trip was active when that was last known and reported, even before the drive went offline.
     held: Option<bool>,
-    /// The vendor's number of the last trip reported or shown.
+    /// The vendor's number, or the bits, of the last trip reported or shown.
     code: Option<u16>,
+    /// The same of the record that is shown.
+    shown: Option<u16>,
+    /// Bits of `shown` that the last reading showed cleared.
+    fading: u16,
     /// Whether the baseline outlives the process: then anything not in it was never reported.
     is_remembered: bool,
     /// Whether the trip source has been read since the start, or since the drive was offline.
@@ -76,7 +81,7 @@ struct Reading {
     /// How many of the record's reads have arrived.
     parts: usize,
     words: Vec<(Address, u16)>,
-    /// The vendor's number as it was seen beside the record.
+    /// The vendor's number, or the bits, as seen beside the record.
     code: Option<u16>,
     tries: u8,
     /// The trip is to be reported once the record has been read.
@@ -252,18 +257,33 @@ impl TripWatch {
         told.extend(self.clear(now));
     }
 
-    /// The number of a trip was seen. A number other than the reported one, while a trip is active, is another trip.
+    /// The number or the bits of a trip were seen. A number other than the reported one, while a trip is active, is
+    /// another trip, and so is another bit.
     fn take_code(&mut self, code: u16, now: MonoTime) {
         if self.is_counted() || self.view.active != Some(true) {
             return;
         }
-        let last = self.view.last.as_ref().and_then(|last| last.code);
-        let is_other = last.is_some_and(|last| code != last);
+        self.forget_cleared(code);
+        let last = self.shown;
+        let is_other = self.places.as_ref().zip(last).is_some_and(|(places, last)| places.is_another(code, last));
         if self.reading.is_none() && is_other {
             self.reading = Some(Reading { instead_of: last, ..self.new_reading(true, now) });
         }
         if let Some(reading) = &mut self.reading {
             reading.code = Some(code);
+        }
+    }
+
+    /// Bits that this reading and the one before show cleared are no longer known, while others are still set.
+    fn forget_cleared(&mut self, bits: u16) {
+        let Some(shown) = self.shown.filter(|_| self.places.as_ref().is_some_and(|places| places.is_bits)) else {
+            return;
+        };
+        let cleared = shown & !bits;
+        let gone = std::mem::replace(&mut self.fading, cleared) & cleared;
+        if gone != 0 {
+            self.shown = Some(shown & !gone);
+            self.code = self.code.map(|code| code & !gone);
         }
     }
 
@@ -351,14 +371,17 @@ impl TripWatch {
             let found = words.iter().find(|(address, _)| *address == cause.address);
             found.map(|(_, word)| cause.code_in(*word))
         });
-        if cause.is_some() && cause == reading.instead_of {
-            // The record shows the trip that was active: the other number was misread.
+        if cause.zip(reading.instead_of).is_some_and(|(cause, before)| !places.is_another(cause, before)) {
+            // The record shows the trip that was active: the other number, or bit, was misread.
             return None;
         }
         let code = cause.filter(|code| *code != 0).or(reading.code);
-        let is_other = matches!((code, self.code), (Some(code), Some(told)) if code != told);
+        let is_other = code.zip(self.code).is_some_and(|(code, told)| places.is_another(code, told));
         let is_news = reading.is_news || (is_other && self.held == Some(true));
-        let record = TripRecord { at: reading.seen_at, code, words };
+        let number = code.and_then(|code| places.code(code));
+        let record = TripRecord { at: reading.seen_at, code: number, words };
+        self.shown = code;
+        self.fading = 0;
         let trips = match (reading.count, self.told) {
             (Some(_), Some(told)) => self.view.count.map_or(1, |count| count.saturating_sub(told).max(1)),
             _ => 1,

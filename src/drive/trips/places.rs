@@ -8,7 +8,7 @@ use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
 pub(super) enum Source {
     /// A flag of a status register is set as long as the trip is active.
     Flag(StatusFlag),
-    /// A register holds the number of the present trip, 0 for none.
+    /// A register holds the number of the present trip, or the bits of the present trips; 0 for none.
     Code(Field),
     /// A register counts trips.
     Count(Address),
@@ -58,8 +58,10 @@ pub(super) struct Places {
     pub source: Source,
     /// First registers and numbers of words of the newest record, one read each.
     pub record: Vec<(Address, u16)>,
-    /// The register of the record that holds the vendor's number.
+    /// The register of the record that holds the vendor's number, or the bits.
     pub cause: Option<Field>,
+    /// The cause is a word of bits, one for each trip.
+    pub is_bits: bool,
 }
 
 impl Places {
@@ -68,16 +70,32 @@ impl Places {
         let address = |role| model.register_for(role).map(|register| register.address);
         let flag = model.status_flag(Flag::Tripped).cloned().map(Source::Flag);
         let field = |role| model.register_for(role).map(Field::of);
-        let code = || field(Role::TripCode).map(Source::Code);
+        let code = || field(Role::TripCode).or_else(|| field(Role::TripBits)).map(Source::Code);
         let source = flag.or_else(code).or_else(|| address(Role::TripCount).map(Source::Count))?;
-        let cause = field(Role::TripCode).or_else(|| field(Role::TripCause));
-        Some(Self { source, record: record(model), cause })
+        let bits = field(Role::TripBits);
+        let cause = field(Role::TripCode).or(bits).or_else(|| field(Role::TripCause));
+        Some(Self { source, record: record(model), cause, is_bits: cause.is_some() && cause == bits })
+    }
+
+    /// The number of the trip that `cause` shows: of bits, the number of the lowest + 1. `None` if it shows none.
+    pub fn code(&self, cause: u16) -> Option<u16> {
+        match cause {
+            0 => None,
+            bits if self.is_bits => u16::try_from(bits.trailing_zeros() + 1).ok(),
+            code => Some(code),
+        }
+    }
+
+    /// Whether `cause` shows a trip that `known` does not.
+    pub const fn is_another(&self, cause: u16, known: u16) -> bool {
+        if self.is_bits { cause & !known != 0 } else { cause != known }
     }
 }
 
 /// The registers of the newest record in as few reads as the model allows.
 fn record(model: &Model) -> Vec<(Address, u16)> {
-    let code = if model.register_for(Role::TripCode).is_some() { Role::TripCode } else { Role::TripCause };
+    let causes = [Role::TripCode, Role::TripBits];
+    let code = causes.into_iter().find(|role| model.register_for(*role).is_some()).unwrap_or(Role::TripCause);
     let roles = [code, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
     let is_part = |register: &&Register| register.role.is_some_and(|role| roles.contains(&role));
     let mut reads: Vec<(Address, u16)> = Vec::new();

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::drive::testing::{model, with_status};
+use crate::profile::model::{Register, Role};
 
 const COUNT: u16 = 0x0112;
 const RECORD: [u16; 4] = [7, 2500, 31, 540];
@@ -457,4 +458,100 @@ fn a_count_that_was_read_only_once_before_the_doubt_is_told_when_it_was_read_aga
     assert_eq!(watch.take_unsure(COUNT.into(), &[4]), None, "perhaps the other drive's count");
     watch.one(0x0113, &RECORD, at(3));
     assert_eq!(trips(watch.one(COUNT, &[4], at(4))), (1, Some(7)));
+}
+
+const BITS: u16 = 0x2200;
+
+/// A drive that shows each trip as a bit of one word.
+fn bits() -> TripWatch {
+    let mut model = model();
+    let shows_trips = |role| matches!(role, Role::TripCause | Role::TripCount | Role::TripFrequency);
+    let shows_more = |role| matches!(role, Role::TripCurrent | Role::TripDcLinkVoltage | Role::TripHistory);
+    model.registers.retain(|it| it.role.is_none_or(|role| !shows_trips(role) && !shows_more(role)));
+    let output = model.register_for(Role::OutputFrequency).cloned().unwrap();
+    model.registers.push(Register { address: BITS.into(), role: Some(Role::TripBits), ..output });
+    model.registers.sort_by_key(|register| register.address);
+    TripWatch::new(&model)
+}
+
+/// The reading by a poll, and that of the record if one is wanted.
+fn polled(watch: &mut TripWatch, word: u16, now: u64) -> Vec<TripEvent> {
+    let mut events = watch.take(BITS.into(), &[word], at(now));
+    if watch.wants().is_some() {
+        events.extend(watch.take(BITS.into(), &[word], at(now + 1)));
+    }
+    events
+}
+
+#[test]
+fn of_several_bits_at_once_the_lowest_is_the_code_and_all_are_kept() {
+    let mut watch = bits();
+    assert_eq!(polled(&mut watch, 0, 0), []);
+    let events = polled(&mut watch, 0b1010_0000, 10);
+    assert_eq!(trips(events.into_iter().next()), (1, Some(6)));
+    assert_eq!(watch.view().last.as_ref().unwrap().words, [(BITS.into(), 0b1010_0000)]);
+    assert_eq!(polled(&mut watch, 0b1010_0000, 20), [], "told once");
+    assert_eq!(polled(&mut watch, 0, 30)[0].kind, TripEventKind::Cleared);
+}
+
+#[test]
+fn another_bit_while_one_is_set_is_another_trip() {
+    let mut watch = bits();
+    polled(&mut watch, 0, 0);
+    assert_eq!(polled(&mut watch, 0b0001, 10).len(), 1);
+    let events = polled(&mut watch, 0b1001, 20);
+    assert_eq!(trips(events.into_iter().next()), (1, Some(1)), "the lowest bit is the code");
+    assert_eq!((watch.view().seen, watch.baseline().code), (2, Some(0b1001)));
+}
+
+#[test]
+fn a_bit_that_clears_is_no_trip_and_may_become_one_again() {
+    let mut watch = bits();
+    polled(&mut watch, 0, 0);
+    polled(&mut watch, 0b1001, 10);
+    assert_eq!(polled(&mut watch, 0b0001, 20), []);
+    assert_eq!(polled(&mut watch, 0b1001, 30), [], "one reading is not enough to forget it");
+    assert_eq!(polled(&mut watch, 0b0001, 40), []);
+    assert_eq!(polled(&mut watch, 0b0001, 50), []);
+    assert_eq!(watch.baseline().code, Some(0b0001));
+    assert_eq!(polled(&mut watch, 0b1001, 60).len(), 1, "it is set again");
+}
+
+#[test]
+fn another_bit_that_the_record_does_not_show_was_misread() {
+    let mut watch = bits();
+    polled(&mut watch, 0, 0);
+    polled(&mut watch, 0b0001, 10);
+    assert_eq!(watch.one(BITS, &[0b0101], at(20)), None);
+    assert!(watch.wants().is_some(), "it is read again");
+    assert_eq!((watch.one(BITS, &[0b0001], at(21)), watch.wants()), (None, None));
+    assert_eq!(watch.view().seen, 1);
+}
+
+#[test]
+fn a_bit_that_was_set_while_the_gateway_was_not_running_is_another_trip() {
+    for (known, is_another) in [(0b0001, true), (0b0101, false)] {
+        let mut watch = remembering(bits(), None, Some(true), Some(known));
+        assert_eq!(polled(&mut watch, 0b0101, 0).len(), usize::from(is_another), "{known:#b}");
+    }
+}
+
+#[test]
+fn a_cause_without_the_flag_is_no_trip() {
+    let mut watch = flagged();
+    assert_eq!(watch.one(0x0113, &RECORD, at(0)), None, "of an old trip");
+    assert_eq!((watch.view().active, watch.wants()), (None, None));
+    assert_eq!(watch.one(STATUS, &[0], at(1)), None);
+    assert_eq!(watch.one(0x0113, &[9, 0, 0, 530], at(2)), None, "nor is another number");
+    assert_eq!((watch.view().active, watch.view().seen), (Some(false), 0));
+}
+
+#[test]
+fn bits_that_may_be_another_drives_are_not_believed() {
+    let mut watch = bits();
+    polled(&mut watch, 0, 0);
+    assert_eq!(watch.take_unsure(BITS.into(), &[0b0100]), None);
+    assert_eq!((watch.is_contradicted(), watch.view().active, watch.wants()), (true, Some(false), None));
+    assert_eq!(polled(&mut watch, 0, 10), []);
+    assert_eq!((watch.is_contradicted(), watch.view().seen), (false, 0));
 }

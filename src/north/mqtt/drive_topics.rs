@@ -252,9 +252,7 @@ impl DriveTopics {
             Kind::TripActive => text(trip.and_then(|it| it.active).map(|active| active.to_string())),
             Kind::TripCount => text(view.trip_kept.count.filter(|_| trip.is_some()).map(|count| count.to_string())),
             Kind::TripCode => text(code(view).filter(|_| trip.is_some()).map(|code| code.to_string())),
-            Kind::TripText => {
-                text(code(view).filter(|_| trip.is_some()).and_then(|code| state::trip_text(drive, code)))
-            }
+            Kind::TripText => text(trip.and_then(|_| state::active_trip_text(drive, view))),
             // Without a record of our own, the earlier content of the topic is still true.
             Kind::TripLast => {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
@@ -365,7 +363,7 @@ fn value_topic(register: &Register) -> Option<String> {
     match register.role {
         Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
         Some(Role::FrequencySetting | Role::FrequencyCommand) => Some(SETPOINT.to_owned()),
-        Some(Role::TripCount | Role::TripCode | Role::TripCause | Role::TripHistory) => None,
+        Some(Role::TripCount | Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory) => None,
         Some(role) => Some(format!("measure/{}", measure_name(role, register.unit).unwrap_or(&register.name))),
         None => Some(format!("measure/{}", register.name)),
     }

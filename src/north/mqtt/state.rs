@@ -10,7 +10,7 @@ use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView, TripRecord};
 use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
-pub(super) use crate::journal::trip::text as trip_text;
+pub(super) use crate::journal::trip::active_text as active_trip_text;
 use crate::journal::trip::unit;
 use crate::north::broker::{Publication, Qos};
 use crate::north::clock::Clock;

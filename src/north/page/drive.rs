@@ -98,7 +98,7 @@ impl Drive<'_> {
         json!({
             "active": trip.active,
             "code": code,
-            "text": code.and_then(|code| trip::text(self.description, code)),
+            "text": trip::newest_text(self.description, self.view),
             "count": trip.count,
             "seen": trip.seen,
             "total": kept.total,
@@ -157,8 +157,8 @@ impl Drive<'_> {
 
     fn meaning(&self, register: &Register, word: u16) -> Option<String> {
         match register.role {
-            Some(Role::TripCode | Role::TripCause | Role::TripHistory) => {
-                trip::text(self.description, register.code_in(word))
+            Some(role @ (Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory)) => {
+                trip::meaning(self.description, role, register.code_in(word))
             }
             _ => register.meaning(word).map(str::to_owned),
         }

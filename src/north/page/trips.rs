@@ -19,7 +19,7 @@ pub fn between(present: &Present<'_>, drive: &DriveDescription, before: &DriveVi
             "drive": drive.name.as_str(),
             "kind": "tripped",
             "code": code,
-            "text": code.and_then(|code| trip::text(drive, code)),
+            "text": after.trip.last.as_ref().and_then(|last| trip::text_of(drive, last)),
             "at": present.clock.text(at),
         }));
     }

@@ -96,9 +96,7 @@ impl Look<'_> {
             Kind::TripActive => Content::bool(trip.and_then(|trip| trip.active)),
             Kind::TripCount => Content::number(view.trip_kept.count.filter(|_| trip.is_some())),
             Kind::TripCode => Content::number(trip_code(view).filter(|_| trip.is_some())),
-            Kind::TripText => {
-                Content::text(trip_code(view).filter(|_| trip.is_some()).and_then(|code| trip::text(drive, code)))
-            }
+            Kind::TripText => Content::text(trip.and_then(|_| trip::active_text(drive, view))),
             Kind::TripLast => {
                 let label = |at| self.clock.text(at);
                 let last = view.trip_kept.last.as_ref().map(|it| trip::record(drive, &label, it));

@@ -82,6 +82,11 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     if let Some(meaning) = register.meaning(word) {
         return with_meaning(scaled.to_string(), meaning.to_owned());
     }
+    if register.role == Some(Role::TripBits) {
+        let set = (0..16_u16).filter(|bit| word >> bit & 1 == 1);
+        let known: Vec<_> = set.filter_map(|bit| model.trip_text(bit + 1)).map(|trip| trip.text.clone()).collect();
+        return with_meaning(format!("0x{word:04X}"), known.join("; "));
+    }
     if matches!(register.role, Some(Role::TripCode | Role::TripCause | Role::TripHistory)) {
         let known = model.trip_text(register.code_in(word)).map(|trip| trip.text.clone());
         return with_meaning(scaled.to_string(), known.unwrap_or_default());

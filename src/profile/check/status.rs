@@ -17,8 +17,11 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         values_fit_the_mask(status, problems);
     }
     codes_differ(&file.exceptions, |code| format!("exception 0x{code:02X}"), problems);
-    codes_differ(&file.trips, |code| format!("trip {code}"), problems);
+    let (bits, codes): (Vec<_>, Vec<_>) = file.trips.iter().partition(|trip| trip.is_bit);
+    codes_differ(codes, |code| format!("trip {code}"), problems);
+    codes_differ(bits, |code| format!("trip bit {}", code.saturating_sub(1)), problems);
     trips_have_a_register(file, problems);
+    bits_stand_alone(&file.registers, problems);
 }
 
 /// The flag's register is polled.
@@ -39,21 +42,55 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
     }
 }
 
-fn codes_differ(codes: &[CodeFile], called: impl Fn(&u16) -> String, problems: &mut Vec<Problem>) {
-    let numbers = codes.iter().filter_map(|code| code.code.as_ref());
+fn codes_differ<'f>(
+    codes: impl IntoIterator<Item = &'f CodeFile>,
+    called: impl Fn(&u16) -> String,
+    problems: &mut Vec<Problem>,
+) {
+    let numbers = codes.into_iter().filter_map(|code| code.code.as_ref());
     once(numbers, called, "a code that is declared only once", problems);
 }
 
-/// Texts for trips require a register that holds the trip's number.
+/// Texts for trips require a register that holds the trip's number, texts for bits one that holds the bits.
 fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let may_be = |register: &RegisterFile| match &register.role {
-        OptionalKey::Absent => false,
-        OptionalKey::Invalid => true,
-        OptionalKey::Valid(role) => matches!(role.value, Role::TripCode | Role::TripCause),
+    let has = |roles: &[Role]| {
+        file.registers.iter().any(|register| match &register.role {
+            OptionalKey::Absent => false,
+            OptionalKey::Invalid => true,
+            OptionalKey::Valid(role) => roles.contains(&role.value),
+        })
     };
-    let Some(first) = file.trips.first().filter(|_| !file.registers.iter().any(may_be)) else { return };
-    let problem = first.location.problem("no register holds the number of a trip");
-    problems.push(problem.right("a register with `role = \"trip-code\"` or \"trip-cause\""));
+    let first = |is_bit: bool| file.trips.iter().find(|trip| trip.is_bit == is_bit);
+    if let Some(trip) = first(false).filter(|_| !has(&[Role::TripCode, Role::TripCause])) {
+        let problem = trip.location.problem("no register holds the number of a trip");
+        problems.push(problem.right("a register with `role = \"trip-code\"` or \"trip-cause\""));
+    }
+    if let Some(trip) = first(true).filter(|_| !has(&[Role::TripBits])) {
+        let problem = trip.location.problem("no register holds the bits of trips");
+        problems.push(problem.right("a register with `role = \"trip-bits\"`, or `code`"));
+    }
+}
+
+/// Bits are polled, and no other register says which trip is active.
+fn bits_stand_alone(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let with = |wanted: &[Role]| {
+        registers.iter().find_map(|register| {
+            let role = register.role.valid().filter(|role| wanted.contains(&role.value))?;
+            Some((register, role))
+        })
+    };
+    let Some((register, role)) = with(&[Role::TripBits]) else { return };
+    if matches!(register.poll, OptionalKey::Absent) {
+        problems.push(role.location.problem("bits of trips must be polled").right("a register with `poll`"));
+    }
+    if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_read()) {
+        let problem = access.location.problem("bits of trips must be readable");
+        problems.push(problem.right("\"read\" or \"read-write\""));
+    }
+    if let Some((_, other)) = with(&[Role::TripCode, Role::TripCause]) {
+        let problem = role.location.problem(format!("{} says which trip is active", other.location.key));
+        problems.push(problem.right("bits or a number, not both"));
+    }
 }
 
 #[cfg(test)]
@@ -125,5 +162,26 @@ mod tests {
                 "trip[0]: no register holds the number of a trip -> a register with `role = \"trip-code\"` or \"trip-cause\"",
             ),
         ]);
+    }
+
+    #[test]
+    fn bits_of_trips_have_one_polled_register_and_one_text_each() {
+        let bits = EVERYTHING
+            .replace("role = \"trip-code\"", "role = \"trip-bits\"")
+            .replace("code = 24\n", "bit = 3\n")
+            .replace("code = 1\n", "bit = 0\n");
+        crate::profile::check::model(&bits).unwrap();
+        for (from, to, expected) in [
+            ("bit = 0\ntext", "bit = 3\ntext", "trip[1].bit: trip bit 3 is taken by trip[0].bit"),
+            ("bit = 0\ntext", "bit = 16\ntext", "trip[1].bit: 16 is out of range"),
+            ("bit = 0\ntext", "bit = 0\ncode = 7\ntext", "trip[1].code: has a bit already"),
+            ("bit = 0\ntext", "code = 7\ntext", "trip[1]: no register holds the number of a trip"),
+            ("role = \"trip-bits\"\n", "", "trip[0]: no register holds the bits of trips"),
+            ("role = \"trip-bits\"\npoll = \"second\"\n", "role = \"trip-bits\"\n", "bits of trips must be polled"),
+            ("role = \"trip-history\"", "role = \"trip-cause\"", "says which trip is active"),
+        ] {
+            let found = told_with(&bits, from, to);
+            assert!(found.contains(expected), "{to}: {found}");
+        }
     }
 }

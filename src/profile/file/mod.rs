@@ -77,7 +77,7 @@ impl ModelFile {
             barriers: all(&mut reader, "barrier", |reader| BarrierFile::read(proven, reader)),
             run: given(&mut reader, "run", |reader| RunFile::read(proven, reader)),
             status: all(&mut reader, "status", |reader| StatusFile::read(proven, reader)),
-            trips: all(&mut reader, "trip", |reader| CodeFile::read(proven, 0..=u16::MAX, reader)),
+            trips: all(&mut reader, "trip", |reader| CodeFile::read_code_or_bit(proven, reader)),
             setup: all(&mut reader, "setup", |reader| SetupFile::read(proven, reader)),
             identity: given(&mut reader, "identity", |reader| IdentityFile::read(proven, reader)),
             watchdog: given(&mut reader, "watchdog", |reader| WatchdogFile::read(proven, reader)),

@@ -47,20 +47,49 @@ impl StatusFile {
     }
 }
 
+/// The highest bit of a word.
+const LAST_BIT: u16 = 15;
+
 /// One of `[[trip]]` or `[[exception]]`
 pub(in crate::profile) struct CodeFile {
     pub location: Location,
+    /// The number; of a bit, its number + 1.
     pub code: RequiredKey<u16>,
+    /// It is declared by its bit.
+    pub is_bit: bool,
     text: RequiredKey<String>,
     origin: Option<Origin>,
 }
 
 impl CodeFile {
-    /// A trip or exception with a code of `codes`.
+    /// An exception, or a trip that has a number, with a code of `codes`.
     pub(super) fn read(facts: &Facts<'_>, codes: RangeInclusive<u16>, mut reader: Reader<'_, '_>) -> Self {
         let code = Self {
             location: reader.location().clone(),
             code: reader.required("code", &Kind::number(codes)),
+            is_bit: false,
+            text: reader.required("text", &Kind::text()),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        code
+    }
+
+    /// A trip: either its `code` or its `bit`.
+    pub(super) fn read_code_or_bit(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let bit = reader.optional("bit", &Kind::number(0..=LAST_BIT));
+        let is_bit = !matches!(bit, OptionalKey::Absent);
+        if !is_bit {
+            return Self::read(facts, 0..=u16::MAX, reader);
+        }
+        if let OptionalKey::Valid(code) = reader.optional("code", &Kind::number(0..=u16::MAX)) {
+            let problem = code.location.problem("has a bit already");
+            reader.problems().push(problem.right("either `bit` or `code`"));
+        }
+        let code = Self {
+            location: reader.location().clone(),
+            code: bit.valid().map(|bit| Spanned { value: bit.value + 1, location: bit.location.clone() }),
+            is_bit,
             text: reader.required("text", &Kind::text()),
             origin: facts.origin(&mut reader),
         };

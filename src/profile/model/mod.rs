@@ -241,12 +241,12 @@ impl Model {
         self.status.iter().find(|it| it.flag == flag)
     }
 
-    /// The most reliable register that indicates a trip: a status word, else the present trip's number, else the trip
-    /// count.
+    /// The most reliable register that indicates a trip: a status word, else the present trip's number or bits, else the
+    /// trip count.
     #[must_use]
     pub fn trip_register(&self) -> Option<&Register> {
         let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.register_at(flag.address));
-        let code = || self.register_for(Role::TripCode);
+        let code = || self.register_for(Role::TripCode).or_else(|| self.register_for(Role::TripBits));
         flagged.or_else(code).or_else(|| self.register_for(Role::TripCount))
     }
 
@@ -260,6 +260,12 @@ impl Model {
     #[must_use]
     pub fn trip_text(&self, code: u16) -> Option<&CodeText> {
         self.trip_codes.iter().find(|it| it.code == code)
+    }
+
+    /// The register that shows the active trips as bits, if the model has one.
+    #[must_use]
+    pub fn trip_bits(&self) -> Option<&Register> {
+        self.register_for(Role::TripBits)
     }
 
     /// The vendor's text for exception `code`.

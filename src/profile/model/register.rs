@@ -26,6 +26,8 @@ pub enum Role {
     RunSource,
     /// The number of the active trip, 0 for none.
     TripCode,
+    /// The active trips, one bit each; 0 for none.
+    TripBits,
     /// Number of trips so far.
     TripCount,
     /// Cause of the newest trip, as the vendor numbers it.

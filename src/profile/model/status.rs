@@ -53,7 +53,7 @@ impl StatusFlag {
 /// A trip or an exception: its number and the vendor's text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CodeText {
-    /// The number.
+    /// The number. On a model whose trips are bits, the number of the bit + 1.
     pub code: u16,
     /// Its meaning; only a hint unless the confidence is proven.
     pub text: String,

@@ -140,7 +140,11 @@ pub(super) fn status(model: &Model) -> Vec<Row> {
 
 pub(super) fn trips(model: &Model) -> Vec<Row> {
     let rows = model.trip_codes.iter().map(|trip| {
-        vec![trip.code.to_string(), trip.text.clone(), trip.confidence.word().to_owned(), trip.source.clone()]
+        let number = match model.trip_bits() {
+            Some(_) => format!("bit {}", trip.code.saturating_sub(1)),
+            None => trip.code.to_string(),
+        };
+        vec![number, trip.text.clone(), trip.confidence.word().to_owned(), trip.source.clone()]
     });
     rows.collect()
 }

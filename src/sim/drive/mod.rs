@@ -56,6 +56,8 @@ pub struct SimDrive {
     trips: TripLog,
     tripped: bool,
     alarm: bool,
+    /// The active trips, where each has a bit.
+    trip_bits: u16,
     powered: bool,
     /// It ignores requests before this moment.
     deaf_until: MonoTime,
@@ -82,6 +84,7 @@ impl SimDrive {
             trips: TripLog::default(),
             tripped: false,
             alarm: false,
+            trip_bits: 0,
             powered: true,
             deaf_until: MonoTime::ZERO,
             last_heard: MonoTime::ZERO,
@@ -137,16 +140,24 @@ impl SimDrive {
     }
 
     /// Trips the drive: the motor coasts, the count rises, the record is kept, RUN is refused until a reset.
-    /// A drive that is switched off cannot trip.
+    /// A drive that is switched off cannot trip. Where each trip has a bit, `cause` is the number of the bit + 1, and
+    /// the bits of trips that are active stay set.
     pub fn trip(&mut self, at: MonoTime, cause: u16) {
         self.advance(at);
         if !self.powered {
             return;
         }
+        let others = if self.tripped { self.trip_bits } else { 0 };
+        self.trip_bits = others | cause.checked_sub(1).and_then(|bit| 1_u16.checked_shl(bit.into())).unwrap_or(0);
         let record = self.record(at, cause);
         self.trips.push(record);
         self.tripped = true;
         self.drop_out(at);
+    }
+
+    /// Leaves only those of the active trips whose bits are set in `bits`. It resets nothing.
+    pub const fn keep_trip_bits(&mut self, bits: u16) {
+        self.trip_bits &= bits;
     }
 
     /// Sets or clears the alarm that status words show.

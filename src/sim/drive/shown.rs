@@ -34,6 +34,13 @@ impl SimDrive {
                     0
                 }
             }
+            Some(Role::TripBits) => {
+                if self.tripped {
+                    self.trip_bits
+                } else {
+                    0
+                }
+            }
             Some(Role::TripCount) => self.trips.count(),
             Some(Role::TripCause) => self.trips.newest().cause,
             Some(Role::TripHistory) => self.trips.record(self.place_in_history(register)).map_or(0, |it| it.cause),

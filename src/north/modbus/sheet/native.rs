@@ -67,7 +67,7 @@ fn step(register: &Register) -> String {
 
 /// Whether registers with `role` hold the vendor's numbers of trips.
 const fn names_trips(role: Role) -> bool {
-    matches!(role, Role::TripCode | Role::TripCause | Role::TripHistory)
+    matches!(role, Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory)
 }
 
 fn meaning(model: &Model, register: &Register) -> String {

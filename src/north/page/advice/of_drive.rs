@@ -45,7 +45,7 @@ impl Drive<'_> {
             return;
         }
         let code = trip.last.as_ref().map_or(self.view.trip_kept.last_code, |last| last.code);
-        let words = code.and_then(|code| trip::text(self.description, code));
+        let words = trip::newest_text(self.description, self.view);
         let name = match (code, words) {
             (Some(code), Some(words)) if words.contains(&code.to_string()) => format!(": {words}"),
             (Some(code), Some(words)) => format!(": {code} {words}"),
