@@ -113,6 +113,8 @@ mod stop_wins;
 mod trips;
 #[path = "scenarios/unproven.rs"]
 mod unproven;
+#[path = "scenarios/warnings.rs"]
+mod warnings;
 #[path = "scenarios/watchdog.rs"]
 mod watchdog;
 #[path = "scenarios/watching.rs"]

@@ -16,4 +16,5 @@ pub mod steps;
 pub mod testing;
 pub mod trips;
 pub mod view;
+pub mod warnings;
 pub mod watchdog;

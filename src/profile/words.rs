@@ -80,7 +80,7 @@ pub(super) const CONFIDENCES: [(&str, Confidence); 7] =
     own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
-pub const ROLES: [(&str, Role); 23] = [
+pub const ROLES: [(&str, Role); 25] = [
     ("run-command", Role::RunCommand),
     ("frequency-command", Role::FrequencyCommand),
     ("frequency-setting", Role::FrequencySetting),
@@ -104,6 +104,8 @@ pub const ROLES: [(&str, Role); 23] = [
     ("temperature", Role::Temperature),
     ("run-hours", Role::RunHours),
     ("trip-history", Role::TripHistory),
+    ("warning-code", Role::WarningCode),
+    ("warning-bits", Role::WarningBits),
 ];
 
 #[cfg(test)]

@@ -12,8 +12,9 @@ use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
+use crate::drive::warnings;
 use crate::north::broker::{Publication, Qos};
-use crate::north::shown::{answered_run_state, fresh, stale_at};
+use crate::north::shown::{answered_run_state, fresh, stale_at, warning};
 use crate::profile::model::{Register, Role};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -37,6 +38,10 @@ pub(in crate::north) enum Kind {
     TripText,
     TripCount,
     TripLast,
+    /// Whether a warning is active; the drive goes on.
+    WarningActive,
+    WarningCode,
+    WarningText,
     /// A register that was read on demand.
     Param(usize),
 }
@@ -253,6 +258,11 @@ impl DriveTopics {
             Kind::TripCount => text(view.trip_kept.count.filter(|_| trip.is_some()).map(|count| count.to_string())),
             Kind::TripCode => text(code(view).filter(|_| trip.is_some()).map(|code| code.to_string())),
             Kind::TripText => text(trip.and_then(|_| state::active_trip_text(drive, view))),
+            Kind::WarningActive => text(warning(drive, view, now.at).map(|word| (word != 0).to_string())),
+            Kind::WarningCode => {
+                text(warning(drive, view, now.at).map(|word| warnings::code(&drive.model, word).to_string()))
+            }
+            Kind::WarningText => text(warning(drive, view, now.at).and_then(|word| warnings::text(&drive.model, word))),
             // Without a record of our own, the earlier content of the topic is still true.
             Kind::TripLast => {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
@@ -290,6 +300,7 @@ impl DriveTopics {
         let register = match kind {
             Kind::Polled(register) | Kind::Rated(register) => drive.model.registers.get(register),
             Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount => trips,
+            Kind::WarningActive | Kind::WarningCode | Kind::WarningText => drive.model.warning_register(),
             Kind::Param(register) => {
                 return self.params.get(&register).filter(|_| slot.is_filled()).map(|it| param_stale_at(now, it));
             }
@@ -353,6 +364,10 @@ pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
         (Kind::TripLast, "last"),
     ];
     kinds.extend(trips.map(|(kind, rest)| (kind, format!("trip/{rest}"))));
+    if drive.model.warning_register().is_some() {
+        let warnings = [(Kind::WarningActive, "active"), (Kind::WarningCode, "code"), (Kind::WarningText, "text")];
+        kinds.extend(warnings.map(|(kind, rest)| (kind, format!("warning/{rest}"))));
+    }
     kinds
 }
 
@@ -364,6 +379,7 @@ fn value_topic(register: &Register) -> Option<String> {
         Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
         Some(Role::FrequencySetting | Role::FrequencyCommand) => Some(SETPOINT.to_owned()),
         Some(Role::TripCount | Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory) => None,
+        Some(Role::WarningCode | Role::WarningBits) => None,
         Some(role) => Some(format!("measure/{}", measure_name(role, register.unit).unwrap_or(&register.name))),
         None => Some(format!("measure/{}", register.name)),
     }

@@ -8,6 +8,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView, TripRecord};
+use crate::drive::warnings;
 use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
 pub(super) use crate::journal::trip::active_text as active_trip_text;
@@ -153,6 +154,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
         "watchdog": view.watchdog.as_ref().map(watchdog),
         "values": values,
         "trip": trip_state(now, drive, view),
+        "warning": warning_state(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
         "capabilities": shown::capabilities(drive),
     })
@@ -194,6 +196,19 @@ fn trip_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> Valu
         "seen": view.trip.seen,
         "total": view.trip_kept.total,
         "last": view.trip_kept.last.as_ref().map(|it| record(drive, now.clock, it)),
+    })
+}
+
+/// `null` for a drive that shows no warnings; its parts are `null` while they are not known.
+fn warning_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
+    if drive.model.warning_register().is_none() {
+        return Value::Null;
+    }
+    let word = shown::warning(drive, view, now.at);
+    json!({
+        "active": word.map(|word| word != 0),
+        "code": word.map(|word| warnings::code(&drive.model, word)),
+        "text": word.and_then(|word| warnings::text(&drive.model, word)),
     })
 }
 

@@ -8,10 +8,11 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::drive::view::DriveView;
+use crate::drive::warnings;
 use crate::journal::trip;
 use crate::north::clock::Clock;
 use crate::north::mqtt::{Kind, Points, trip_code, trips_are_fresh};
-use crate::north::shown::{answered_run_state, fresh, intent, stale_at};
+use crate::north::shown::{answered_run_state, fresh, intent, stale_at, warning};
 use crate::profile::scale::Scaled;
 use std::borrow::Cow;
 
@@ -97,6 +98,13 @@ impl Look<'_> {
             Kind::TripCount => Content::number(view.trip_kept.count.filter(|_| trip.is_some())),
             Kind::TripCode => Content::number(trip_code(view).filter(|_| trip.is_some())),
             Kind::TripText => Content::text(trip.and_then(|_| trip::active_text(drive, view))),
+            Kind::WarningActive => Content::bool(warning(drive, view, self.at).map(|word| word != 0)),
+            Kind::WarningCode => {
+                Content::number(warning(drive, view, self.at).map(|word| warnings::code(&drive.model, word)))
+            }
+            Kind::WarningText => {
+                Content::text(warning(drive, view, self.at).and_then(|word| warnings::text(&drive.model, word)))
+            }
             Kind::TripLast => {
                 let label = |at| self.clock.text(at);
                 let last = view.trip_kept.last.as_ref().map(|it| trip::record(drive, &label, it));
@@ -207,6 +215,9 @@ impl Look<'_> {
             Source::Topic(Kind::Polled(_) | Kind::Rated(_)) => register(self.drive, definition.source),
             Source::Topic(Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount) => {
                 self.drive.model.trip_register()
+            }
+            Source::Topic(Kind::WarningActive | Kind::WarningCode | Kind::WarningText) => {
+                self.drive.model.warning_register()
             }
             _ => None,
         };

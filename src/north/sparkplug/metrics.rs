@@ -161,9 +161,11 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
 fn of_topic(drive: &DriveDescription, kind: Kind, name: String) -> Definition {
     let datatype = match kind {
         Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint | Kind::Param(_) => Datatype::Double,
-        Kind::TripActive => Datatype::Boolean,
-        Kind::TripCode | Kind::TripCount => Datatype::Int32,
-        Kind::Availability | Kind::RunState | Kind::Owner | Kind::TripText | Kind::TripLast => Datatype::Text,
+        Kind::TripActive | Kind::WarningActive => Datatype::Boolean,
+        Kind::TripCode | Kind::TripCount | Kind::WarningCode => Datatype::Int32,
+        Kind::Availability | Kind::RunState | Kind::Owner | Kind::TripText | Kind::TripLast | Kind::WarningText => {
+            Datatype::Text
+        }
     };
     let register = |place: usize| drive.model.registers.get(place);
     let unit = match kind {

@@ -8,6 +8,7 @@ mod run;
 mod setup;
 mod status;
 mod values;
+mod warnings;
 
 use super::file::ModelFile;
 use super::model::Model;

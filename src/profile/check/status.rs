@@ -22,6 +22,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     codes_differ(bits, |code| format!("trip bit {}", code.saturating_sub(1)), problems);
     trips_have_a_register(file, problems);
     bits_stand_alone(&file.registers, problems);
+    super::warnings::check(file, problems);
 }
 
 /// The flag's register is polled.
@@ -42,7 +43,7 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
     }
 }
 
-fn codes_differ<'f>(
+pub(super) fn codes_differ<'f>(
     codes: impl IntoIterator<Item = &'f CodeFile>,
     called: impl Fn(&u16) -> String,
     problems: &mut Vec<Problem>,

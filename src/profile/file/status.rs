@@ -50,7 +50,7 @@ impl StatusFile {
 /// The highest bit of a word.
 const LAST_BIT: u16 = 15;
 
-/// One of `[[trip]]` or `[[exception]]`
+/// One of `[[trip]]`, `[[warning]]` or `[[exception]]`
 pub(in crate::profile) struct CodeFile {
     pub location: Location,
     /// The number; of a bit, its number + 1.
@@ -75,7 +75,7 @@ impl CodeFile {
         code
     }
 
-    /// A trip: either its `code` or its `bit`.
+    /// A trip or a warning: either its `code` or its `bit`.
     pub(super) fn read_code_or_bit(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let bit = reader.optional("bit", &Kind::number(0..=LAST_BIT));
         let is_bit = !matches!(bit, OptionalKey::Absent);

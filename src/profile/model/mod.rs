@@ -116,6 +116,8 @@ pub struct Model {
     pub status: Vec<StatusFlag>,
     /// Trip numbers with the vendor's texts, each at most once.
     pub trip_codes: Vec<CodeText>,
+    /// Texts of warnings.
+    pub warning_codes: Vec<CodeText>,
     /// The settings that the drive needs before it obeys the bus, in order.
     pub setup: Vec<SetupItem>,
     /// How the drive tells what it is, if it does.
@@ -266,6 +268,18 @@ impl Model {
     #[must_use]
     pub fn trip_bits(&self) -> Option<&Register> {
         self.register_for(Role::TripBits)
+    }
+
+    /// The register that shows the active warnings, if the model has one.
+    #[must_use]
+    pub fn warning_register(&self) -> Option<&Register> {
+        self.register_for(Role::WarningCode).or_else(|| self.register_for(Role::WarningBits))
+    }
+
+    /// The vendor's text for warning `code`; of bits, the number of the bit + 1.
+    #[must_use]
+    pub fn warning_text(&self, code: u16) -> Option<&CodeText> {
+        self.warning_codes.iter().find(|it| it.code == code)
     }
 
     /// The vendor's text for exception `code`.

@@ -54,6 +54,10 @@ pub enum Role {
     RunHours,
     /// An older trip's number. The only role that several registers may have; the newest trip is at the lowest address.
     TripHistory,
+    /// The number of the active warning, 0 for none. A warning stops no motor.
+    WarningCode,
+    /// The active warnings, one bit each; 0 for none.
+    WarningBits,
 }
 
 impl Role {

@@ -42,6 +42,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Watchdog of the drive", command::watchdog(model));
     section(&mut text, "Status", registers::status(model));
     section(&mut text, "Trips", registers::trips(model));
+    section(&mut text, "Warnings, which stop no motor", registers::warnings(model));
     section(&mut text, "Codes", registers::codes(model.codes.as_ref()));
     section(&mut text, "Registers", registers::registers(&model.registers));
     section(&mut text, "Meanings of words", registers::meanings(&model.registers));

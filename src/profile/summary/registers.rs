@@ -2,7 +2,7 @@
 
 use super::layout::{Row, choice, list, row};
 use crate::domain::address::Address;
-use crate::profile::model::{CodeRule, Model, Register, Whole};
+use crate::profile::model::{CodeRule, CodeText, Model, Register, Role, Whole};
 use crate::profile::scale::Scaled;
 use crate::profile::words::{FLAGS, POLL_CLASSES};
 use crate::toml_file::words::word_for;
@@ -139,12 +139,18 @@ pub(super) fn status(model: &Model) -> Vec<Row> {
 }
 
 pub(super) fn trips(model: &Model) -> Vec<Row> {
-    let rows = model.trip_codes.iter().map(|trip| {
-        let number = match model.trip_bits() {
-            Some(_) => format!("bit {}", trip.code.saturating_sub(1)),
-            None => trip.code.to_string(),
-        };
-        vec![number, trip.text.clone(), trip.confidence.word().to_owned(), trip.source.clone()]
+    coded(&model.trip_codes, model.trip_bits().is_some())
+}
+
+pub(super) fn warnings(model: &Model) -> Vec<Row> {
+    coded(&model.warning_codes, model.register_for(Role::WarningBits).is_some())
+}
+
+/// A row for each text, by its number or its bit.
+fn coded(codes: &[CodeText], are_bits: bool) -> Vec<Row> {
+    let rows = codes.iter().map(|it| {
+        let number = if are_bits { format!("bit {}", it.code.saturating_sub(1)) } else { it.code.to_string() };
+        vec![number, it.text.clone(), it.confidence.word().to_owned(), it.source.clone()]
     });
     rows.collect()
 }

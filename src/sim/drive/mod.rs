@@ -56,6 +56,8 @@ pub struct SimDrive {
     trips: TripLog,
     tripped: bool,
     alarm: bool,
+    /// The word of the register that shows warnings.
+    warning: u16,
     /// The active trips, where each has a bit.
     trip_bits: u16,
     powered: bool,
@@ -84,6 +86,7 @@ impl SimDrive {
             trips: TripLog::default(),
             tripped: false,
             alarm: false,
+            warning: 0,
             trip_bits: 0,
             powered: true,
             deaf_until: MonoTime::ZERO,
@@ -158,6 +161,11 @@ impl SimDrive {
     /// Leaves only those of the active trips whose bits are set in `bits`. It resets nothing.
     pub const fn keep_trip_bits(&mut self, bits: u16) {
         self.trip_bits &= bits;
+    }
+
+    /// Shows the warning with this number, or the warnings with these bits; 0 for none. The motor goes on.
+    pub const fn set_warning(&mut self, warning: u16) {
+        self.warning = warning;
     }
 
     /// Sets or clears the alarm that status words show.

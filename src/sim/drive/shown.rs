@@ -41,6 +41,7 @@ impl SimDrive {
                     0
                 }
             }
+            Some(Role::WarningCode | Role::WarningBits) => self.warning,
             Some(Role::TripCount) => self.trips.count(),
             Some(Role::TripCause) => self.trips.newest().cause,
             Some(Role::TripHistory) => self.trips.record(self.place_in_history(register)).map_or(0, |it| it.cause),

@@ -65,6 +65,12 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
             vec![count.with("state_class", "total_increasing")]
         }
+        Kind::WarningActive => {
+            let warning = Entity::new(Component::BinarySensor, "warning", "Warning", Needs::Drive);
+            vec![warning.showing(topic).words("true", "false").class("problem").diagnostic()]
+        }
+        Kind::WarningCode => vec![sensor("warning_code", "Warning code").telling(topic).diagnostic()],
+        Kind::WarningText => vec![sensor("warning_text", "Warning text").telling(topic).diagnostic()],
         // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
         Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => Vec::new(),
         Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
