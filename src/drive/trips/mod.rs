@@ -14,6 +14,7 @@
 //! happened while the gateway was not running. Without that memory, a trip that was already active when the drive was
 //! first seen is not reported as an event; its record is only read and shown.
 
+mod baseline;
 mod places;
 #[cfg(test)]
 mod tests;
@@ -22,6 +23,7 @@ use super::view::{TripEvent, TripEventKind, TripRecord, TripView};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
+pub use baseline::TripBaseline;
 use places::{Places, Source, TripReading};
 
 /// How often a record is read again because the count kept rising or the read was not answered. After that the trips
@@ -31,17 +33,6 @@ const READS_MAX: u8 = 4;
 /// A count that rises by more at once, or falls, is read again before it is believed: it may be the answer to another
 /// request.
 const TRIPS_AT_ONCE: u16 = 16;
-
-/// Up to where the trips of a drive have been reported.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TripBaseline {
-    /// The drive's own count; `None` if it does not count or has not been read yet.
-    pub count: Option<u16>,
-    /// Whether a reported trip was active, if known.
-    pub held: Option<bool>,
-    /// The vendor's number of the last active trip, or the bits of those active; `None` if it was not read.
-    pub code: Option<u16>,
-}
 
 /// The trips of one drive.
 #[derive(Clone, Debug, Default)]
