@@ -4,8 +4,7 @@
 //!   two equal counts, so that it belongs to the count. A fall, and a rise by more than a few at once, are read again
 //!   before they are believed, and a rise that the next reading does not confirm is ignored.
 //! * A drive that shows whether a trip is active, by a flag or by the trip's number: each time it becomes active is a
-//!   trip, and so is another number while it is active. Where each trip has a bit, another bit is another trip; a bit
-//!   that two readings in a row show cleared may become one again.
+//!   trip, and so is another number while it is active. Where each trip has a bit, so is another bit.
 //!
 //! A detected trip is always reported: if it ends or the drive goes offline before its record was read, it is reported
 //! without one.
@@ -248,8 +247,7 @@ impl TripWatch {
         told.extend(self.clear(now));
     }
 
-    /// The number or the bits of a trip were seen. A number other than the reported one, while a trip is active, is
-    /// another trip, and so is another bit.
+    /// The number or the bits of a trip were seen. While one is active, another number or bit is another trip.
     fn take_code(&mut self, code: u16, now: MonoTime) {
         if self.is_counted() || self.view.active != Some(true) {
             return;
