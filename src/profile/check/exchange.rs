@@ -134,7 +134,8 @@ mod tests {
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x06, 0x08, 0x10]",
-                "functions.value: reading requires function 03 -> add 0x03 to the list",
+                "functions.value: registers are read by function 03, and it is not served -> \
+                 a list with 0x03, if the manual names it",
             ),
             (
                 "[0x03, 0x06, 0x08, 0x10]",
