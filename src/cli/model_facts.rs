@@ -82,6 +82,9 @@ impl Unproven {
         for trip in &model.trip_codes {
             unproven.note(format!("text of trip {}", trip.code), trip.confidence);
         }
+        for warning in &model.warning_codes {
+            unproven.note(format!("text of warning {}", warning.code), warning.confidence);
+        }
         for item in &model.setup {
             unproven.add(format!("set-up of {}", item.what), &item.values);
         }
