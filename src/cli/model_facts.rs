@@ -215,7 +215,7 @@ mod tests {
         }
         assert_eq!(unproven.groups().count(), 4);
         let inferred = "setpoint before run, refusal of function 2B hex, reset, run command bit 11, run command bit 13, \
-                        status `tripped`, text of trip 24";
+                        status `tripped`, text of trip 24, text of warning 9";
         let names = unproven.groups().find(|(confidence, _)| *confidence == Confidence::Inferred).unwrap().1;
         assert_eq!(names.join(", "), inferred);
     }

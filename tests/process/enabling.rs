@@ -138,7 +138,7 @@ fn who_may_not_or_cannot_is_told_why() {
     for command in ["verify", "enable"] {
         let named = |drive: &str| vfd_gateway(&[command, drive, "--socket", &socket]);
         assert_says(&named("pump-2"), 2, &["no drive is called pump-2; did you mean pump-1?"]);
-        assert_says(&named("a/b"), 2, &["no name of a drive"]);
+        assert_says(&named("a/b"), 2, &["not a valid drive name"]);
         assert_says(&vfd_gateway(&[command]), 2, &["DRIVE"]);
         assert_says(&vfd_gateway(&[command, "pump-1", "--socket", "/nonexistent"]), 1, &["cannot connect"]);
     }

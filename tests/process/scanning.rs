@@ -55,7 +55,7 @@ fn drives_are_found_with_model_and_setting_and_a_configuration_to_start_from() {
         assert_eq!(checked.status.code(), Some(0), "{}", String::from_utf8_lossy(&checked.stderr));
         let again = scan(&port, &["--out", file.to_str().unwrap()]);
         assert_eq!(again.status.code(), Some(2), "{}", said(&again));
-        assert!(said(&again).contains("is there already"));
+        assert!(said(&again).contains("already exists"));
     }
 }
 
