@@ -2,7 +2,8 @@
 
 use crate::domain::command::{Order, Owner};
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{Step, Write, WriteFunctions};
+use crate::drive::steps::{self, Step, Write, WriteFunctions};
+use crate::profile::model::Model;
 use crate::wire::pdu::Request;
 
 /// A command approved for the line, as a bounded list of steps.
@@ -96,6 +97,14 @@ pub struct StopOrder {
 }
 
 impl StopOrder {
+    /// The stop of a drive of `model`, or its cut-off; `None` if the model has none.
+    pub(super) fn of(model: &Model, coast: bool) -> Option<Self> {
+        let (address, value) = steps::of_stop(model, coast).ok()?;
+        let in_block = steps::takes_in_a_block(model, address);
+        let forms = WriteFunctions::of(model).forms(address, value, in_block);
+        Some(Self { value, coast, forms })
+    }
+
     /// Its request, in the first form.
     #[must_use]
     pub fn request(&self) -> Request {

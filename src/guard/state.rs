@@ -9,7 +9,6 @@ use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::bases::Bases;
-use crate::drive::steps;
 use crate::journal::Cause;
 use crate::profile::model::Model;
 use std::sync::Arc;
@@ -382,10 +381,7 @@ impl DriveGuard {
     }
 
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
-        let (address, value) = steps::of_stop(&self.model, coast).ok()?;
-        let in_block = steps::takes_in_a_block(&self.model, address);
-        let forms = steps::WriteFunctions::of(&self.model).forms(address, value, in_block);
-        Some(StopOrder { value, coast, forms })
+        StopOrder::of(&self.model, coast)
     }
 
     pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {

@@ -14,6 +14,7 @@
 //! first seen is not reported as an event; its record is only read and shown.
 
 mod baseline;
+mod bits;
 mod places;
 #[cfg(test)]
 mod tests;
@@ -260,19 +261,6 @@ impl TripWatch {
         }
         if let Some(reading) = &mut self.reading {
             reading.code = Some(code);
-        }
-    }
-
-    /// Bits that this reading and the one before show cleared are no longer known, while others are still set.
-    fn forget_cleared(&mut self, bits: u16) {
-        let Some(shown) = self.shown.filter(|_| self.places.as_ref().is_some_and(|places| places.is_bits)) else {
-            return;
-        };
-        let cleared = shown & !bits;
-        let gone = std::mem::replace(&mut self.fading, cleared) & cleared;
-        if gone != 0 {
-            self.shown = Some(shown & !gone);
-            self.code = self.code.map(|code| code & !gone);
         }
     }
 

@@ -162,7 +162,9 @@ impl SimDrive {
             let offset = first.offset_from(block.address).map(usize::from);
             offset.is_some_and(|offset| offset + values.len() <= usize::from(block.count.value))
         };
-        if !block.is_none_or(is_inside) {
+        // A drive without function 06 takes one register at a time wherever it lies.
+        let stands_for_06 = values.len() == 1 && !self.model.serves(function::WRITE_SINGLE);
+        if !stands_for_06 && !block.is_none_or(is_inside) {
             return Err(Denied::Request(Objection::Address));
         }
         let mut trial = self.clone();

@@ -3,9 +3,7 @@
 use super::SimDrive;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Basis, FullScale, Model, Part, Register, Whole, WordOrder};
-use crate::sim::options::DriveOptions;
+use crate::profile::model::{Basis, FullScale, Part, Register, Whole, WordOrder};
 
 /// Millionths in a unit of measure.
 const MICRO: i128 = 1_000_000;
@@ -133,24 +131,6 @@ fn mantissa_and_exponent(register: &Register, number: i128) -> u16 {
     let field = ((number & most) as u16) << mask.trailing_zeros();
     let power = exponent.checked_shl(exponent_mask.trailing_zeros()).unwrap_or(0) & exponent_mask;
     field | power
-}
-
-/// The word with which a register begins on which others depend; `None` for any other.
-pub(super) fn first_basis(model: &Model, register: &Register, options: &DriveOptions) -> Option<u16> {
-    let by = model.registers.iter().filter_map(|it| it.form.scale_by.as_ref());
-    let mut by = by.filter(|by| by.address == register.address && by.mask == register.form.mask);
-    if let Some((word, _)) = by.next().and_then(|by| by.steps.last()) {
-        return Some(*word);
-    }
-    let is_whole = |scale: &FullScale| matches!(scale.of, Whole::Register(basis) if basis.address == register.address);
-    model.registers.iter().filter_map(|it| it.form.full_scale.as_ref()).find(|scale| is_whole(scale))?;
-    let whole = match register.unit {
-        UnitOfMeasure::Hertz => u32::from(options.max_frequency_hz),
-        UnitOfMeasure::Ampere => u32::from(options.rated_current_x10) / 10,
-        UnitOfMeasure::Volt => u32::from(options.rated_voltage_v),
-        _ => 100,
-    };
-    u16::try_from(whole * register.scale / register.form.per).ok()
 }
 
 /// The whole number nearest to a fraction.

@@ -2,8 +2,8 @@
 
 use super::super::options::DriveOptions;
 use super::back_door::BackDoor;
+use super::basis::first_basis;
 use super::command::has_priority;
-use super::encode::first_basis;
 use crate::domain::address::Address;
 use crate::profile::model::{Access, Memory as Kind, Model, Register, Role, RunForm};
 use std::time::Duration;

@@ -16,6 +16,7 @@
 
 mod answer;
 mod back_door;
+mod basis;
 mod command;
 mod control;
 mod denied;
