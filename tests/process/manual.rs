@@ -98,7 +98,7 @@ fn map_says_what_is_wrong() {
     place.write("map.toml", &format!("{line}[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n"));
     let other = map(&["--unit", "7"]);
     assert_eq!(other.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&other.stderr).contains("there are 1, 101, 255"));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("units are 1, 101, 255"));
     let one = map(&["--unit", "101", "--json"]);
     let value: serde_json::Value = serde_json::from_slice(&one.stdout).unwrap();
     assert_eq!(value["maps"].as_array().unwrap().len(), 1);

@@ -58,7 +58,7 @@ fn registers_are_read_and_written_by_name_or_code() {
     assert!(read("acceleration_time").contains("5.5 s"));
     for (args, code, words) in [
         (vec!["F010", "2"], 2, "frequency_source"),
-        (vec!["run_command", "1"], 2, "say `run`"),
+        (vec!["run_command", "1"], 2, "use `run` or `frequency`"),
         (vec!["run", "forward"], 2, "--limits"),
     ] {
         let output = run("write", &port, &args);

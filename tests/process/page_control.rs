@@ -223,7 +223,7 @@ fn refused_on_the_way(plant: &Plant, anna: &Browser) {
     assert_eq!(elsewhere.sign_in("anna", PASSWORD).status, 403);
     for (body, error) in [
         (json!({}), "orders nothing"),
-        (json!({ "speed": 3 }), "`speed` is not known"),
+        (json!({ "speed": 3 }), "`speed` is unknown"),
         (json!({ "run": "go" }), "`go` is not known here"),
         (json!({ "run": "forward", "reset": true }), "`reset` stands alone"),
     ] {
@@ -427,7 +427,7 @@ fn a_password_is_typed_twice_and_never_shown() {
     assert!(status == Some(0) && said.contains("$argon2id$") && said.contains("password_hash_file"), "{said}");
     assert!(!shown.contains("horse"), "{shown}");
     let (status, said, _) = typed(&[PASSWORD, "another horse"]);
-    assert!(status == Some(2) && said.contains("not the same") && !said.contains("$argon2id$"), "{said}");
+    assert!(status == Some(2) && said.contains("the passwords differ") && !said.contains("$argon2id$"), "{said}");
     let (status, said, _) = typed(&["corr\u{3}"]);
     assert!(status == Some(1) && said.contains("nothing was made"), "{said}");
     let (status, said, _) = typed(&["short", "short"]);

@@ -213,7 +213,7 @@ fn a_drive_whose_stop_shows_no_effect_stays() {
     edit(&plant, "[gateway]\n", "[gateway]\non_removal = \"stop\"\n");
     edit(&plant, "poll = \"100ms\"", "poll = \"200ms\"");
     let (code, said) = reload(&plant, &[]);
-    assert!(code == Some(1) && said.contains("pump-1 is stopped, and it shows no effect"), "{said}");
+    assert!(code == Some(1) && said.contains("pump-1 is being stopped without effect"), "{said}");
     assert_eq!(plant.written()[seen], (RUN, 0));
     assert_eq!(Raw::connect(plant.modbus).read_unit(UNIFORM, 2, 1), Ok(vec![5]), "it is still looked after");
 }
@@ -271,7 +271,7 @@ fn a_second_signal_ends_the_gateway_once_the_stops_were_sent() {
     plant.gateway.terminate();
     assert_eq!(plant.gateway.end_within(PATIENCE).code(), Some(0));
     assert!(plant.gateway.text().contains("second signal"), "{}", plant.gateway.text());
-    assert!(!plant.gateway.text().contains("a stop had no effect; shutting down"), "it did not wait for that");
+    assert!(!plant.gateway.text().contains("a STOP had no effect; shutting down"), "it did not wait for that");
 }
 
 #[test]
@@ -298,7 +298,7 @@ fn a_line_with_nothing_left_to_do_serves_stops_as_long_as_another_ends() {
     assert_eq!(client.write(102, 256, 0), Ok(()), "the drive answers to the stop");
     assert_eq!(client.write(102, 256, 1), Err(6), "nothing else is taken");
     assert_eq!(plant.gateway.end_within(PATIENCE).code(), Some(0));
-    assert!(plant.gateway.text().contains("a stop had no effect; shutting down"), "{}", plant.gateway.text());
+    assert!(plant.gateway.text().contains("a STOP had no effect; shutting down"), "{}", plant.gateway.text());
 }
 
 #[test]

@@ -13,7 +13,7 @@ const FIGHT: Duration = Duration::from_secs(12);
 #[test]
 fn a_rival_is_named_in_the_log_and_in_health_and_is_not_fought_with() {
     // Some versions of mosquitto tell with MQTT 5 who was thrown out, Debian's 2.0.11 does not.
-    let said = "another client has";
+    let said = "another client uses";
     for (version, of_rival) in [("version = 5", "mqttv5"), ("version = 4", "mqttv311")] {
         let plant = Plant::with(Wish { mqtt: version, ..Wish::default() });
         assert_eq!(plant.metric("vfd_gateway_mqtt_takeovers_total"), 0.0);
