@@ -224,7 +224,7 @@ fn refused_on_the_way(plant: &Plant, anna: &Browser) {
     for (body, error) in [
         (json!({}), "orders nothing"),
         (json!({ "speed": 3 }), "`speed` is unknown"),
-        (json!({ "run": "go" }), "`go` is not known here"),
+        (json!({ "run": "go" }), "`go` is not valid here"),
         (json!({ "run": "forward", "reset": true }), "`reset` stands alone"),
     ] {
         let answer = anna.command(&body);
