@@ -215,7 +215,7 @@ mod tests {
         let class = |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
         assert_eq!(class(&model, run), Class::Write, "it is commanded cyclically");
         assert_eq!(class(&model, ramp), Class::StoredWrite);
-        assert_eq!(class(&model, 0xFFFE_u16.into()), Class::StoredWrite, "nobody knows it");
+        assert_eq!(class(&model, 0xFFFE_u16.into()), Class::StoredWrite, "it is not in the model");
         for register in &mut model.registers {
             let memory = if register.address == run { Memory::Stored } else { Memory::Ram };
             register.memory = Some(memory);

@@ -267,8 +267,8 @@ impl Outbox {
 }
 
 /// What two drives at the same time make of each other's characters: wrong ones while both talk, and of the
-/// second drive only what comes after the first one is done. Damage that leaves the check right is not played: CRC-16 lets
-/// one badly damaged frame in 65,536 through, and nobody behind it can know.
+/// second drive only what comes after the first one is done. Damage that leaves the check valid is not simulated: CRC-16
+/// accepts one badly damaged frame in 65,536, and no receiver can detect that.
 fn collide(link: LinkSettings, first: &mut Transmission, second: &mut Transmission) {
     for n in first.sent..first.bytes.len() {
         if first.start + link.bytes(n + 1) > second.start {

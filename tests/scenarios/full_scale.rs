@@ -39,7 +39,7 @@ fn setpoints(rig: &Rig) -> Vec<u16> {
     writes.map(|pdu| u16::from_be_bytes([pdu[3], pdu[4]])).collect()
 }
 
-/// Somebody at the panel sets the full scale.
+/// The full scale is set at the panel.
 fn set_full_scale(rig: &mut Rig, tenths: u16) {
     let now = rig.now;
     rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, FULL_SCALE.into(), tenths);
