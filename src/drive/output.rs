@@ -52,15 +52,14 @@ impl OutputRegister {
         if self.register.form.pair.is_some() {
             return PAIR_SCALE;
         }
+        if self.register.is_exact() {
+            return self.register.scale;
+        }
         // Without its full scale, a hundredth of it is taken for a hertz: more is noticed rather than less.
         let fraction = self.register.form.full_scale.as_ref().map(|scale| scale.steps / 100);
         let hertz = Hertz::from_millihertz(1000);
         let of_hertz = self.register.words_within((Hertz::ZERO, hertz), |address| bases.word(address));
-        match (self.register.is_exact(), of_hertz) {
-            (true, _) => self.register.scale,
-            (false, Some((_, steps))) => u32::from(steps).max(1),
-            (false, None) => fraction.unwrap_or(self.register.scale).max(1),
-        }
+        of_hertz.map(|(_, steps)| steps.into()).or(fraction).unwrap_or(self.register.scale).max(1)
     }
 
     /// The frequency of a magnitude; `None` if its full scale is not known.

@@ -384,13 +384,7 @@ fn reset_shown(model: &Model) -> Vec<Condition> {
 /// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.
 fn check_setting(model: &Model, control: &ControlSettings, bases: &Bases) -> Result<Step, NoSteps> {
     let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
-    if !setting.is_exact() {
-        let words = setting.words_within((control.least, control.most), |address| bases.word(address));
-        let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
-        return Ok(Step::Check { address: setting.address, least, most });
-    }
-    let steps = |limit: Hertz| u64::from(limit.millihertz()) * u64::from(setting.scale);
-    let least = u16::try_from(steps(control.least).div_ceil(1000)).map_err(|_| NoSteps::BetweenSteps)?;
-    let most = u16::try_from(steps(control.most) / 1000).unwrap_or(u16::MAX);
+    let words = setting.words_within((control.least, control.most), |address| bases.word(address));
+    let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
     Ok(Step::Check { address: setting.address, least, most })
 }

@@ -1,15 +1,13 @@
 //! What a drive warns of. A warning is only shown: it stops no motor, refuses no order and is no trip.
 
-use crate::profile::model::{Model, Role};
+use crate::profile::model::{CodeText, Model, Role};
+use crate::profile::value::codes_of_bits;
 
 /// The number of the warning that `word` of the model's warning register shows, 0 for none; of bits, the number of the
 /// lowest + 1.
 #[must_use]
 pub fn code(model: &Model, word: u16) -> u16 {
-    if word == 0 || !are_bits(model) {
-        return word;
-    }
-    u16::try_from(word.trailing_zeros() + 1).unwrap_or_default()
+    if are_bits(model) { codes_of_bits(word).next().unwrap_or(0) } else { word }
 }
 
 /// The vendor's texts for all warnings that `word` shows, each marked if it is unproven; `None` if it shows none.
@@ -18,11 +16,11 @@ pub fn text(model: &Model, word: u16) -> Option<String> {
     if word == 0 {
         return None;
     }
+    let text = |code, unknown: String| model.warning_text(code).map_or(unknown, CodeText::marked);
     if !are_bits(model) {
-        return Some(text_of(model, word, || format!("code {word}")));
+        return Some(text(word, format!("code {word}")));
     }
-    let set = (0..16_u16).filter(|bit| word >> bit & 1 == 1);
-    let texts: Vec<_> = set.map(|bit| text_of(model, bit + 1, || format!("bit {bit}"))).collect();
+    let texts: Vec<_> = codes_of_bits(word).map(|code| text(code, format!("bit {}", code - 1))).collect();
     Some(texts.join("; "))
 }
 
@@ -30,19 +28,11 @@ fn are_bits(model: &Model) -> bool {
     model.warning_register().is_some_and(|register| register.role == Some(Role::WarningBits))
 }
 
-fn text_of(model: &Model, code: u16, unknown: impl Fn() -> String) -> String {
-    match model.warning_text(code) {
-        Some(known) if known.confidence.is_proven() => known.text.clone(),
-        Some(known) => format!("{} ({})", known.text, known.confidence.word()),
-        None => unknown(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::drive::testing::model;
-    use crate::profile::model::{CodeText, Confidence};
+    use crate::profile::model::Confidence;
 
     fn warning(role: Role) -> Model {
         let mut model = model();

@@ -248,13 +248,12 @@ impl DriveOnLine {
         self.snapshot.presence = presence;
         effects.push_back(Effect::Presence(self.index, presence));
         effects.keep(self.index, Entry::Presence(presence));
+        let bases = self.setup.model.registers.iter().flat_map(|register| register.form.bases());
         if presence == Presence::Offline {
             self.work.out_of_sight(effects);
-            let bases = self.setup.model.registers.iter().flat_map(|register| register.form.bases());
             self.snapshot.forget(bases);
         } else {
             self.plan.drive_is_back(now);
-            let bases = self.setup.model.registers.iter().flat_map(|register| register.form.bases());
             bases.for_each(|address| self.plan.ask_for(address, now));
             self.work.mark_changed();
         }

@@ -5,6 +5,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::view::{DriveView, TripEvent, TripEventKind, TripRecord};
 use crate::profile::model::{Register, Role};
 use crate::profile::scale::Scaled;
+use crate::profile::value::codes_of_bits;
 use serde_json::{Map, Value, json};
 
 /// How a moment is written.
@@ -96,8 +97,7 @@ pub fn meaning(drive: &DriveDescription, role: Role, word: u16) -> Option<String
 
 /// The texts of all trips whose bits are set in `bits`, the lowest first.
 fn bits_text(drive: &DriveDescription, bits: u16) -> Option<String> {
-    let set = (0..16_u16).filter(|bit| bits >> bit & 1 == 1);
-    let texts: Vec<_> = set.filter_map(|bit| text(drive, bit + 1)).collect();
+    let texts: Vec<_> = codes_of_bits(bits).filter_map(|code| text(drive, code)).collect();
     (!texts.is_empty()).then(|| texts.join("; "))
 }
 
@@ -106,8 +106,7 @@ fn bits_text(drive: &DriveDescription, bits: u16) -> Option<String> {
 pub fn text(drive: &DriveDescription, code: u16) -> Option<String> {
     match drive.model.trip_text(code) {
         _ if code == 0 => None,
-        Some(known) if known.confidence.is_proven() => Some(known.text.clone()),
-        Some(known) => Some(format!("{} ({})", known.text, known.confidence.word())),
+        Some(known) => Some(known.marked()),
         None if drive.model.trip_bits().is_some() => Some(format!("bit {}", code - 1)),
         None => Some(format!("code {code}")),
     }

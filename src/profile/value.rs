@@ -91,13 +91,24 @@ const fn gcd(a: u128, b: u128) -> u128 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The bits of `word` under `mask`, shifted down; in two's complement if `signed`.
+/// The bits of `word` under `mask`, shifted down.
+#[must_use]
+pub fn code_under(word: u16, mask: u16) -> u16 {
+    (word & mask).checked_shr(mask.trailing_zeros()).unwrap_or(0)
+}
+
+/// The same as a number: in two's complement if `signed`.
 #[must_use]
 pub fn field(word: u16, mask: u16, signed: bool) -> i64 {
     let bits = mask.count_ones();
-    let number = i64::from((word & mask).checked_shr(mask.trailing_zeros()).unwrap_or(0));
+    let number = i64::from(code_under(word, mask));
     let is_negative = signed && bits > 0 && number >> (bits - 1) & 1 == 1;
     if is_negative { number - (1 << bits) } else { number }
+}
+
+/// The codes of the bits that are set in `word`, the lowest first: the number of each bit + 1.
+pub fn codes_of_bits(word: u16) -> impl Iterator<Item = u16> {
+    (0..16_u16).filter(move |bit| word >> bit & 1 == 1).map(|bit| bit + 1)
 }
 
 impl Register {
@@ -124,7 +135,7 @@ impl Register {
     /// The code that `word` holds: a field of it, or all of it.
     #[must_use]
     pub fn code_in(&self, word: u16) -> u16 {
-        (word & self.form.mask).checked_shr(self.form.mask.trailing_zeros()).unwrap_or(0)
+        code_under(word, self.form.mask)
     }
 
     /// Its value, from the words that `word` knows; `None` if one that it needs is not known, or another register

@@ -2,6 +2,7 @@
 
 use crate::domain::address::Address;
 use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
+use crate::profile::value::{code_under, codes_of_bits};
 
 /// What indicates a trip, the most reliable first.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,7 +29,7 @@ impl Field {
 
     /// The number in `word`.
     pub fn code_in(self, word: u16) -> u16 {
-        (word & self.mask).checked_shr(self.mask.trailing_zeros()).unwrap_or(0)
+        code_under(word, self.mask)
     }
 }
 
@@ -79,11 +80,7 @@ impl Places {
 
     /// The number of the trip that `cause` shows: of bits, the number of the lowest + 1. `None` if it shows none.
     pub fn code(&self, cause: u16) -> Option<u16> {
-        match cause {
-            0 => None,
-            bits if self.is_bits => u16::try_from(bits.trailing_zeros() + 1).ok(),
-            code => Some(code),
-        }
+        if self.is_bits { codes_of_bits(cause).next() } else { Some(cause).filter(|code| *code != 0) }
     }
 
     /// Whether `cause` shows a trip that `known` does not.

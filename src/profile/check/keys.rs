@@ -2,7 +2,8 @@
 
 use super::super::register::{RegisterFile, named};
 use crate::domain::problem::{Problem, nearest};
-use crate::toml_file::Spanned;
+use crate::profile::model::Role;
+use crate::toml_file::{OptionalKey, Spanned};
 use std::collections::BTreeMap;
 
 /// Reports each duplicate in `written`, at its second occurrence.
@@ -22,6 +23,24 @@ pub(super) fn once<'f, T: Ord + 'f>(
                 taken.insert(value, &location.key);
             }
         }
+    }
+}
+
+/// The first register with one of the roles `wanted`, and the role as written.
+pub(super) fn with_role<'f>(
+    wanted: &[Role],
+    registers: &'f [RegisterFile],
+) -> Option<(&'f RegisterFile, &'f Spanned<Role>)> {
+    registers.iter().find_map(|register| {
+        let role = register.role.valid().filter(|role| wanted.contains(&role.value))?;
+        Some((register, role))
+    })
+}
+
+/// Reports `register`, whose `role` shows `what`, if it is not polled.
+pub(super) fn is_polled(register: &RegisterFile, role: &Spanned<Role>, what: &str, problems: &mut Vec<Problem>) {
+    if matches!(register.poll, OptionalKey::Absent) {
+        problems.push(role.location.problem(format!("{what} must be polled")).right("a register with `poll`"));
     }
 }
 

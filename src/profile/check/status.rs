@@ -1,6 +1,6 @@
 //! The rules for status flags, trips and exceptions.
 
-use super::keys::{once, readable};
+use super::keys::{is_polled, once, readable, with_role};
 use crate::domain::problem::Problem;
 use crate::profile::file::{CodeFile, ModelFile, StatusFile};
 use crate::profile::model::Role;
@@ -74,21 +74,13 @@ fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// Bits are polled, and no other register says which trip is active.
 fn bits_stand_alone(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let with = |wanted: &[Role]| {
-        registers.iter().find_map(|register| {
-            let role = register.role.valid().filter(|role| wanted.contains(&role.value))?;
-            Some((register, role))
-        })
-    };
-    let Some((register, role)) = with(&[Role::TripBits]) else { return };
-    if matches!(register.poll, OptionalKey::Absent) {
-        problems.push(role.location.problem("bits of trips must be polled").right("a register with `poll`"));
-    }
+    let Some((register, role)) = with_role(&[Role::TripBits], registers) else { return };
+    is_polled(register, role, "bits of trips", problems);
     if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_read()) {
         let problem = access.location.problem("bits of trips must be readable");
         problems.push(problem.right("\"read\" or \"read-write\""));
     }
-    if let Some((_, other)) = with(&[Role::TripCode, Role::TripCause]) {
+    if let Some((_, other)) = with_role(&[Role::TripCode, Role::TripCause], registers) {
         let problem = role.location.problem(format!("{} says which trip is active", other.location.key));
         problems.push(problem.right("bits or a number, not both"));
     }

@@ -5,7 +5,7 @@ use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::ModelFile;
 use crate::profile::model::{Access, Role};
 use crate::profile::register::{CONFIGURED, RegisterFile, named};
-use crate::toml_file::{Location, Spanned};
+use crate::toml_file::{Location, OptionalKey, Spanned};
 
 /// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
 const WORDS: [Role; 9] = [
@@ -34,7 +34,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         sign_means_a_direction(register, problems);
         is_one_value(register, problems);
     }
-    others_need_words(file, problems);
+    ranges_are_fixed(file, problems);
 }
 
 fn tell(location: &Location, what: impl Into<String>, right: impl Into<String>, problems: &mut Vec<Problem>) {
@@ -54,7 +54,7 @@ fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Probl
         }
         return;
     };
-    if matches!(form.word_order.0, crate::toml_file::OptionalKey::Absent) {
+    if matches!(form.word_order.0, OptionalKey::Absent) {
         tell(
             location,
             "the order of the two words is not stated",
@@ -227,8 +227,8 @@ fn is_one_value(register: &RegisterFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Settings and the watchdog are whole words.
-fn others_need_words(file: &ModelFile, problems: &mut Vec<Problem>) {
+/// The range of a register is fixed, so that of a fraction cannot be stated.
+fn ranges_are_fixed(file: &ModelFile, problems: &mut Vec<Problem>) {
     for register in &file.registers {
         let (Some(range), Some(_)) = (register.range_location(), register.form.full_scale.valid()) else { continue };
         tell(range, "the range of a fraction is not fixed", "leave it out", problems);

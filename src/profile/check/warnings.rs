@@ -1,20 +1,20 @@
 //! The rules for warnings: one polled register shows them, as a number or as bits, and each has one text.
 
+use super::keys::{is_polled, with_role};
 use super::status::codes_differ;
 use crate::domain::problem::Problem;
 use crate::profile::file::ModelFile;
 use crate::profile::model::Role;
-use crate::profile::register::RegisterFile;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::OptionalKey;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let (bits, codes): (Vec<_>, Vec<_>) = file.warnings.iter().partition(|warning| warning.is_bit);
     codes_differ(codes, |code| format!("warning {code}"), problems);
     codes_differ(bits, |code| format!("warning bit {}", code.saturating_sub(1)), problems);
-    let code = with_role(Role::WarningCode, &file.registers);
-    let bits = with_role(Role::WarningBits, &file.registers);
+    let code = with_role(&[Role::WarningCode], &file.registers);
+    let bits = with_role(&[Role::WarningBits], &file.registers);
     for (register, role) in code.into_iter().chain(bits) {
-        is_polled(register, role, problems);
+        is_polled(register, role, "warnings", problems);
     }
     if let (Some((_, code)), Some((_, bits))) = (code, bits) {
         let problem = bits.location.problem(format!("{} says which warning is active", code.location.key));
@@ -31,19 +31,6 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let Some(warning) = first(true).filter(|_| bits.is_none()) {
         let problem = warning.location.problem("no register holds the bits of warnings");
         problems.push(problem.right("a register with `role = \"warning-bits\"`, or `code`"));
-    }
-}
-
-fn with_role(wanted: Role, registers: &[RegisterFile]) -> Option<(&RegisterFile, &Spanned<Role>)> {
-    registers.iter().find_map(|register| {
-        let role = register.role.valid().filter(|role| role.value == wanted)?;
-        Some((register, role))
-    })
-}
-
-fn is_polled(register: &RegisterFile, role: &Spanned<Role>, problems: &mut Vec<Problem>) {
-    if matches!(register.poll, OptionalKey::Absent) {
-        problems.push(role.location.problem("warnings must be polled").right("a register with `poll`"));
     }
 }
 

@@ -63,6 +63,18 @@ pub struct CodeText {
     pub source: String,
 }
 
+impl CodeText {
+    /// The text, marked if it is unproven.
+    #[must_use]
+    pub fn marked(&self) -> String {
+        if self.confidence.is_proven() {
+            self.text.clone()
+        } else {
+            format!("{} ({})", self.text, self.confidence.word())
+        }
+    }
+}
+
 /// An exchange whose reply cannot be mistaken for a late one. Once it succeeds, no late reply can follow.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Barrier {

@@ -14,8 +14,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
         let owner = format!("`{}` of the model", register.name);
         taken.labels.insert(register.name.to_lowercase(), owner.clone());
         taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
-        let place =
-            Place { owner, access: register.access, bits: field_bits(register.form.mask, register.form.exponent_mask) };
+        let place = Place { owner, access: register.access, bits: register.form.mask | register.form.exponent_mask };
         let words = register.address.onwards().take(register.form.words().into());
         words.for_each(|it| taken.addresses.entry(it.number()).or_default().push(place.clone()));
     }
@@ -75,10 +74,6 @@ impl Place {
             _ => false,
         }
     }
-}
-
-const fn field_bits(mask: u16, exponent_mask: u16) -> u16 {
-    mask | exponent_mask
 }
 
 impl UsedNames {
