@@ -46,11 +46,11 @@ pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at
     drive.fresh(register, &view.snapshot, at)
 }
 
-/// The word of the warning register; `None` if the model has none, or it is not known.
+/// The number or the bits that the warning register shows; `None` if the model has none, or it is not known.
 #[must_use]
 pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<u16> {
     let register = drive.model.warning_register()?;
-    fresh(drive, register, view, at).map(|reading| reading.raw)
+    fresh(drive, register, view, at).map(|reading| register.code_in(reading.raw))
 }
 
 /// How reliable the last reading of `register` is.

@@ -17,7 +17,9 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::north::finding::{Severity, ranked};
+use crate::profile::model::Role;
 use serde_json::{Value, json};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Output frequency, F001 and F010 of the N700. Typed from the manual.
@@ -35,6 +37,19 @@ fn values(document: &Value) -> &[Value] {
 
 fn value<'d>(document: &'d Value, role: &str) -> &'d Value {
     values(document).iter().find(|value| value["role"] == role).unwrap_or_else(|| panic!("no {role}"))
+}
+
+#[test]
+fn a_warning_that_is_a_field_of_a_word_is_shown_alone() {
+    let mut description = description("teco-e510");
+    let mut model = (*description.model).clone();
+    let register = model.registers.iter_mut().find(|it| it.role == Some(Role::TripCode)).unwrap();
+    register.role = Some(Role::WarningBits);
+    register.form.mask = 0x00F0;
+    description.model = Arc::new(model);
+    let warning = |word| document(&description, &view(&description, word), NOW)["warning"].clone();
+    assert_eq!(warning(0xFF5F), json!("bit 0; bit 2"));
+    assert_eq!(warning(0xFF0F), json!(null), "the other bits of the word are none of its own");
 }
 
 /// The texts of all advice for a drive.

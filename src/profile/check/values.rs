@@ -8,19 +8,23 @@ use crate::profile::register::{CONFIGURED, RegisterFile, named};
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
 /// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
-const WORDS: [Role; 9] = [
+const WORDS: [Role; 12] = [
     Role::RunCommand,
     Role::RunSource,
     Role::FrequencySource,
     Role::TripCount,
     Role::TripCode,
+    Role::TripBits,
     Role::TripCause,
     Role::TripHistory,
+    Role::WarningCode,
+    Role::WarningBits,
     Role::AccelerationTime,
     Role::DecelerationTime,
 ];
 /// Those of them that may be a field of a word.
-const FIELDS: [Role; 3] = [Role::TripCode, Role::TripCause, Role::TripHistory];
+const FIELDS: [Role; 6] =
+    [Role::TripCode, Role::TripBits, Role::TripCause, Role::TripHistory, Role::WarningCode, Role::WarningBits];
 /// Widest exponent in bits: larger powers of ten than 10^7 are nowhere.
 const EXPONENT_BITS: u32 = 3;
 
@@ -275,6 +279,18 @@ mod tests {
             ("mask = 0x00FF\nexponent_mask = 0x0F00", "exponent_mask: the exponent is too wide -> at most 3 bits"),
         ] {
             assert_eq!(said(keys), expected);
+        }
+    }
+
+    #[test]
+    fn trips_and_warnings_are_one_word_or_a_field_of_it() {
+        let refusal = "role: a register with this role is one word with a plain scale";
+        for role in ["trip-code", "trip-bits", "warning-code", "warning-bits"] {
+            let model = MODEL.replace("output-frequency", role);
+            let written = |keys: &str| told_with(&model, "scale = 100\n", &format!("{keys}\n"));
+            assert!(written("scale = { steps = 3, per = 2 }").contains(refusal), "{role}");
+            assert!(written("words = 2\nword_order = \"high-first\"").contains(refusal), "{role}");
+            crate::profile::check::model(&model.replace("scale = 100\n", "mask = 0x00FF\n")).unwrap();
         }
     }
 
