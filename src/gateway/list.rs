@@ -262,10 +262,12 @@ impl List {
         };
         let part = write.part;
         let is_first_word = self.first_word() == Some(write.value);
+        // Reads may come before the first write.
+        let is_later = self.approved.steps().iter().take(index).any(|step| !writes_of(step).is_empty());
         match part {
             StepPart::TakesBack => self.end_of_reset_unanswered(),
-            StepPart::Reset { .. } if index > 0 && is_first_word => self.end_of_reset_unanswered(),
-            StepPart::Reset { ends, .. } if index > 0 => {
+            StepPart::Reset { .. } if is_later && is_first_word => self.end_of_reset_unanswered(),
+            StepPart::Reset { ends, .. } if is_later => {
                 self.is_in_doubt = true;
                 match self.rest_step() {
                     Some(rest) => self.rest_before_the_end(rest),

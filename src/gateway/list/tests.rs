@@ -8,7 +8,7 @@ use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::drive::testing::{control, fact, model, with_status};
 use crate::guard::{DriveGuard, Facts, Verdict};
-use crate::profile::model::Model;
+use crate::profile::model::{Identity, Model};
 use std::sync::Arc;
 
 const NOW: MonoTime = MonoTime::from_millis(100_000);
@@ -389,4 +389,20 @@ fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
     sends(&mut last_resets, 0);
     assert_eq!(holds(&mut last_resets, 0, NOW), QUIETLY);
     assert_eq!((last_resets.may_go(soon, 0), last_resets.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
+}
+
+#[test]
+fn a_reset_whose_first_stop_is_lost_ends_the_same_after_an_identity_read() {
+    let model = deaf();
+    let mut guarded = model.clone();
+    guarded.identity =
+        Some(Identity { address: STATUS.into(), mask: 0xF000, values: fact(vec![0]), others: Vec::new() });
+    let (mut plain, mut identified) = (list(&model, Order::Reset), list(&guarded, Order::Reset));
+    reads(&identified, STATUS.into());
+    assert_eq!(word(&mut identified, 0, NOW), QUIETLY);
+    sends(&mut plain, 0);
+    sends(&mut identified, 0);
+    assert_eq!(identified.unanswered(), plain.unanswered());
+    assert_eq!(identified.request(), plain.request());
+    assert_eq!(identified.rest_at(NOW), plain.rest_at(NOW));
 }
