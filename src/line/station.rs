@@ -335,7 +335,10 @@ impl StationState {
         match (missing, request) {
             // An exception carries only its function.
             (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => missing.function() == request.function(),
-            (Request::Read { count: a, .. }, Request::Read { count: b, .. }) => a == b,
+            // The reply to a read tells the function and the number of bytes; 1 to 8 bits take one byte.
+            (Request::Read { .. }, Request::Read { .. }) => {
+                missing.function() == request.function() && missing.reply_pdu_bytes() == request.reply_pdu_bytes()
+            }
             // Where a refused write may be answered with any value, the value says nothing.
             (Request::WriteSingle { address: a, value: of_a }, Request::WriteSingle { address: b, value: of_b }) => {
                 a == b && (of_a == of_b || keeps_old_value)
@@ -366,6 +369,7 @@ fn with_margin(time: Duration) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::address::{Address, Table};
     use crate::profile::check;
     use crate::profile::model::{Confidence, Fact};
     use crate::vendors;
@@ -411,6 +415,28 @@ mod tests {
         assert_eq!(station.unmistakable_at(&write(4, 1)), MonoTime::ZERO);
         assert!(station.misses_function(6, now) && !station.misses_function(8, now));
         assert!(!station.is_dirty(now + LATENESS));
+    }
+
+    #[test]
+    fn reads_of_bits_are_told_apart_by_their_bytes_and_words_by_their_function() {
+        let now = MonoTime::from_millis(1000);
+        let from = |table, count| Request::Read { address: Address::new(table, 6), count };
+        let waits_for = |missing: Request, request: Request| {
+            let mut station = station_with(RefusedWrite::Exception, Duration::ZERO);
+            miss(&mut station, missing, now, LATENESS);
+            station.unmistakable_at(&request) == now + LATENESS
+        };
+        assert!(waits_for(from(Table::Coil, 1), from(Table::Coil, 8)), "one byte each");
+        assert!(!waits_for(from(Table::Coil, 8), from(Table::Coil, 9)), "two bytes");
+        assert!(!waits_for(from(Table::Coil, 1), from(Table::Discrete, 1)), "another function");
+        assert!(!waits_for(from(Table::Holding, 1), from(Table::Input, 1)), "another function");
+        assert!(waits_for(from(Table::Input, 2), from(Table::Input, 2)));
+        let coil = |number, value| Request::WriteSingle { address: Address::new(Table::Coil, number), value };
+        assert!(waits_for(coil(1, 1), coil(1, 1)), "an earlier stop looks the same");
+        assert!(!waits_for(coil(1, 1), coil(1, 0)));
+        assert!(!waits_for(coil(1, 1), write(1, 1)), "another function");
+        let word = |value| Request::WriteMultiple { address: 2_u16.into(), values: vec![value] };
+        assert!(waits_for(word(1), word(0)), "the reply to 10 hex carries no value");
     }
 
     #[test]
