@@ -21,6 +21,7 @@ use crate::line::echo::EchoWatch;
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::timing::Timing;
 use crate::line::transaction::Wire;
+use crate::wire::pdu::Request;
 use std::sync::Arc;
 
 /// The state machine of one line with its drives. It does no I/O and has no clock and no task of its own; the caller
@@ -88,6 +89,8 @@ pub(super) struct Flight {
     pub(super) purpose: Purpose,
     /// A late reply could be mistaken for its reply.
     pub(super) doubt: bool,
+    /// The request, if its refusal could be a late one and is not believed; `None` once such a frame has arrived.
+    pub(super) doubts_refusal: Option<Request>,
     /// A reply that repeats it may be a mere echo.
     pub(super) proves_nothing: bool,
     /// The drive was known to be silent: its silence says nothing about the line.

@@ -58,6 +58,7 @@ impl LineCore {
         }
         let differs = !request.is_repeated_by_its_reply();
         let function = request.function();
+        let doubts_refusal = in_doubt.then(|| request.clone());
         let exchange = Exchange { station, request, timeout, in_doubt };
         let mut frame = Vec::with_capacity(16);
         self.measured.sent(now.since(self.wire.may_send_from()));
@@ -73,6 +74,7 @@ impl LineCore {
             drive,
             purpose,
             doubt,
+            doubts_refusal,
             proves_nothing,
             was_silent,
             sent_at: now,

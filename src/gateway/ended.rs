@@ -13,7 +13,7 @@ use crate::drive::snapshot::Presence;
 use crate::line::exchange::{Ending, Exchange};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
-use crate::line::station::{Missing, Stray};
+use crate::line::station::{Missing, Stray, answers};
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
@@ -184,17 +184,21 @@ impl LineCore {
         let Some(index) = self.drives.at_station(station) else { return };
         let DriveOnLine { station, setup, .. } = &mut self.drives[index];
         let Some((_, pdu)) = framing::decode(self.timing.framing, adu) else { return };
+        let mut flight = self.flight.as_mut().filter(|flight| flight.drive == index && !was_answered);
+        let refused = flight.as_mut().and_then(|it| it.doubts_refusal.take_if(|request| answers(request, &pdu)));
+        if refused.is_some() {
+            station.refused_in_doubt(now);
+            flight.into_iter().for_each(|flight| flight.is_spoilt = true);
+            return;
+        }
         let stray = station.stray(&pdu, now, setup.max_lateness);
         if consequence(Fault::Stray).drive_is_there {
             station.is_there();
         }
         self.health.diagnosis.stray(index.get(), stray);
         self.health.damage.stray(index.get(), stray);
-        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.drive == index)
-            && stray != Stray::Explained
-            && !was_answered
-        {
-            flight.is_spoilt = true;
+        if stray != Stray::Explained {
+            flight.into_iter().for_each(|flight| flight.is_spoilt = true);
         }
     }
 }

@@ -311,6 +311,18 @@ impl StationState {
             self.looks.0 -= 1;
             self.quiet_until = self.quiet_until.max(now + QUIET_LEAST);
         }
+        self.count_exchange(now);
+    }
+
+    /// A frame arrived at `now` that may be the refusal of the open request, and may be a late one. It settles nothing.
+    /// It is not unexplained either: a drive that refuses every stop would otherwise never be polled again.
+    pub fn refused_in_doubt(&mut self, now: MonoTime) {
+        self.is_there();
+        self.count_exchange(now);
+    }
+
+    /// An exchange was over at `now` without an unexplained frame.
+    fn count_exchange(&mut self, now: MonoTime) {
         self.exchanges_since = self.exchanges_since.saturating_add(1);
         if self.exchanges_since >= QUIET_EXCHANGES {
             self.quiet = Duration::ZERO;
@@ -354,7 +366,9 @@ impl StationState {
 }
 
 /// Whether `pdu` looks like the reply to `request`, or its exception.
-fn answers(request: &Request, pdu: &[u8]) -> bool {
+/// Whether `pdu` answers `request`, as its reply or as an exception.
+#[must_use]
+pub fn answers(request: &Request, pdu: &[u8]) -> bool {
     match pdu {
         [code, _] => *code == request.function() | function::EXCEPTION_BIT,
         _ => request.reply_in(pdu).is_some(),

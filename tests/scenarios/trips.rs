@@ -11,6 +11,7 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEvent, TripEventKind};
 use vfd_gateway::gateway::Input;
 use vfd_gateway::profile::model::{Flag, Model, Role};
+use vfd_gateway::sim::RefusedStops;
 
 const RUN: u16 = 0x0002;
 
@@ -122,6 +123,30 @@ fn a_trip_while_the_line_was_down_is_told_as_one_that_nobody_saw_happen() {
         let [(_, event)] = rig.trips.as_slice() else { panic!("{}: {:?}", model.id, rig.trips) };
         let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{}: {event:?}", model.id) };
         assert_eq!((event.while_away, record.code), (true, Some(2)), "{}", model.id);
+    }
+}
+
+#[test]
+fn a_trip_is_told_while_stops_are_refused_and_replies_were_late() {
+    for id in ["teco-e510", "frecon-fr500a"] {
+        let model = model(id);
+        let control = Some(accepting());
+        let poll = Duration::from_secs(2);
+        let mut rig = Rig::new(&RigOptions { model, control, poll, proof_words: None, ..RigOptions::controlled() });
+        rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
+        rig.live(Duration::from_secs(3));
+        rig.bus.drive_mut(Station(1)).unwrap().refuse_stops(RefusedStops::All);
+        // Replies beyond the maximum lateness make the next ones doubtful.
+        rig.bus.set_faults("beyond=200".parse().unwrap());
+        let stop = rig.command(MQTT, 0, STOP);
+        rig.outcome_of(stop);
+        rig.pass(Duration::from_secs(10));
+        rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
+        rig.pass(Duration::from_secs(120));
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
+        rig.pass(Duration::from_secs(5));
+        assert_eq!(told(&rig), 1, "{id}: the exceptions to the stops made no reply doubtful");
     }
 }
 
