@@ -10,7 +10,8 @@ use std::collections::HashMap;
 /// A trip that a drive showed for this long in one run must be kept.
 const SHOWN: u64 = 10_000_000_000;
 /// And in so many replies. An unexplained frame makes the next eight replies doubtful (rule 53), and between those the
-/// station may be left alone for long: a trip that is over by then is not reported.
+/// station may be left alone for long: a trip that is over by then is not reported. For the same reason two trips are
+/// two only if as many replies between them show none.
 const REPLIES: u32 = 11;
 /// Replies that show a count: the first, one that confirms it, and one beside the record.
 const COUNT_REPLIES: u32 = 3;
@@ -46,6 +47,8 @@ pub struct Trips {
     /// A trip is shown: since when in this life.
     held_since: Option<u64>,
     held_replies: u32,
+    /// Replies since then that showed no trip.
+    clear_replies: u32,
     is_sure: bool,
     /// Trips that were shown for long.
     owed: u32,
@@ -110,6 +113,7 @@ impl Checker {
         };
         match holds {
             Some(true) => {
+                book.clear_replies = 0;
                 let since = *book.held_since.get_or_insert(at);
                 book.held_replies += 1;
                 if at > since + SHOWN && book.held_replies >= REPLIES && !book.is_sure {
@@ -117,7 +121,12 @@ impl Checker {
                     book.owed += 1;
                 }
             }
-            Some(false) => (book.held_since, book.held_replies, book.is_sure) = (None, 0, false),
+            Some(false) => {
+                book.clear_replies += 1;
+                if book.clear_replies >= REPLIES {
+                    (book.held_since, book.held_replies, book.is_sure) = (None, 0, false);
+                }
+            }
             None => {}
         }
     }

@@ -236,7 +236,9 @@ impl Checker {
         // What a stop or the end of a lease has cut is told so, also when a frame of it is out.
         let is_lost = at >= order.at + lost_after;
         // A motor that others have started is stopped after all, where a stop was answered from memory.
-        let is_started_by_others = self.motors[drive].ran_since(order.at) && book.run_taken == Some(Run::Stop);
+        // It may not have come far, or may have been started just before the order.
+        let motor = &self.motors[drive];
+        let is_started_by_others = (motor.ran_since(order.at) || !motor.rests()) && book.run_taken == Some(Run::Stop);
         if is_refused
             && !is_of_drive
             && order.sent > 0
