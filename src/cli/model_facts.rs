@@ -170,9 +170,13 @@ impl Unproven {
         for word in &run.never {
             self.add(format!("run command 0x{:04X} never", word.value), word);
         }
-        if let RunForm::Bits { bits, .. } = &run.form {
+        self.add_some("run command 0", run.zero.as_ref());
+        if let RunForm::Bits { bits, fields, .. } = &run.form {
             for bit in bits {
                 self.add(format!("run command bit {}", bit.bit.value), &bit.bit);
+            }
+            for field in fields {
+                self.add(format!("run command field 0x{:04X}", field.mask.value), &field.mask);
             }
         }
     }

@@ -4,22 +4,13 @@ use super::bases::Bases;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Model, Register, Role, RunCommand};
+use crate::profile::model::{Model, OrderedWord, Register, Role};
 
 /// The meaning of one word of a write.
 enum DecodedPart {
-    Run(RunPart),
+    Run(OrderedWord),
     Frequency(Result<Hertz, Reason>),
     Register(RegisterWrite),
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum RunPart {
-    Stop,
-    Go(Direction),
-    Coast,
-    Reset,
-    Release,
 }
 
 /// The order that `values`, written from `address` on, stand for on `model`.
@@ -51,16 +42,18 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
     }
     let alone = registers.is_empty();
     let frequency = match frequency.transpose() {
-        Err(_) if run == Some(RunPart::Stop) => None,
+        Err(_) if run == Some(OrderedWord::Stop) => None,
         known => known?,
     };
     match run {
-        Some(RunPart::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
-        Some(RunPart::Coast) if alone => Ok(Order::Coast),
-        Some(RunPart::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
-        Some(RunPart::Release) if alone && frequency.is_none() => Ok(Order::Release),
-        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset | RunPart::Release) => Err(Reason::Conflict),
-        Some(RunPart::Go(direction)) => go(registers, frequency, Some(direction)),
+        Some(OrderedWord::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
+        Some(OrderedWord::Coast) if alone => Ok(Order::Coast),
+        Some(OrderedWord::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
+        Some(OrderedWord::Release) if alone && frequency.is_none() => Ok(Order::Release),
+        Some(OrderedWord::Stop | OrderedWord::Coast | OrderedWord::Reset | OrderedWord::Release) => {
+            Err(Reason::Conflict)
+        }
+        Some(OrderedWord::Go(direction)) => go(registers, frequency, Some(direction)),
         None => go(registers, frequency, None),
     }
 }
@@ -88,7 +81,7 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand) => {
-            let run = model.run.as_ref().and_then(|run| run_part(run, value));
+            let run = model.run.as_ref().and_then(|run| run.order_in(value));
             run.map(DecodedPart::Run).ok_or(Reason::NotUnderstood)
         }
         Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(frequency(register, bases, value))),
@@ -111,25 +104,6 @@ fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Re
     let anywhere = (Hertz::ZERO, Hertz::from_millihertz(u32::MAX));
     let is_same = register.word_of(hertz, anywhere, known) == Some(value);
     if is_same { Ok(hertz) } else { Err(Reason::BetweenSteps) }
-}
-
-fn run_part(run: &RunCommand, value: u16) -> Option<RunPart> {
-    let is = |fact: &Option<crate::profile::model::Fact<u16>>| fact.as_ref().is_some_and(|fact| fact.value == value);
-    if value == run.stop.value {
-        Some(RunPart::Stop)
-    } else if value == run.forward.value {
-        Some(RunPart::Go(Direction::Forward))
-    } else if is(&run.reverse) {
-        Some(RunPart::Go(Direction::Reverse))
-    } else if is(&run.coast) {
-        Some(RunPart::Coast)
-    } else if is(&run.reset) {
-        Some(RunPart::Reset)
-    } else if is(&run.release) {
-        Some(RunPart::Release)
-    } else {
-        None
-    }
 }
 
 #[cfg(test)]

@@ -156,7 +156,8 @@ fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
         assert_eq!(judged(&Facts { is_local: Some(false), ..RESTING }, model()), Ok(()));
         assert_eq!(judged(&Facts { is_local: None, ..RESTING }, model()), Ok(()), "it cannot tell");
         let mut overruling = model();
-        overruling.run.as_mut().unwrap().form = RunForm::Bits { bits: Vec::new(), priority: 0x8000 };
+        overruling.run.as_mut().unwrap().form =
+            RunForm::Bits { bits: Vec::new(), fields: Vec::new(), priority: 0x8000 };
         assert_eq!(judged(&local, overruling), Ok(()), "its commands overrule the panel");
     }
     let mut guard = guard_of(model(), control());

@@ -6,6 +6,15 @@ use crate::domain::problem::Problem;
 /// A model file with one of every possible item.
 pub(super) const EVERYTHING: &str = include_str!("../../tests/golden/models/everything.toml");
 
+/// A drive that ignores a run command of zeros.
+pub(super) const ZERO_IGNORED: &str = include_str!("../../tests/golden/models/zero-ignored.toml");
+
+/// A drive whose motor runs on after a run command of zeros.
+pub(super) const ZERO_NOTHING: &str = include_str!("../../tests/golden/models/zero-nothing.toml");
+
+/// A drive that coasts with a run command of zeros.
+pub(super) const ZERO_COAST: &str = include_str!("../../tests/golden/models/zero-coast.toml");
+
 /// A model file with the required items only.
 pub(super) const MODEL: &str = r#"id = "acme-1"
 vendor = "Acme"
@@ -79,9 +88,14 @@ pub(super) fn told_with(model: &str, from: &str, to: &str) -> String {
 /// Asserts that each replacement in [`EVERYTHING`] is reported: a line per problem, with key, what is wrong and what
 /// would be right.
 pub(super) fn each_is_told(changes: &[(&str, &str, &str)]) {
-    check::model(EVERYTHING).unwrap();
+    each_is_told_of(EVERYTHING, changes);
+}
+
+/// The same for replacements in `model`.
+pub(super) fn each_is_told_of(model: &str, changes: &[(&str, &str, &str)]) {
+    check::model(model).unwrap();
     for (from, to, expected) in changes {
-        let found = told_with(EVERYTHING, from, to).replace("\n    right: ", " -> ");
+        let found = told_with(model, from, to).replace("\n    right: ", " -> ");
         let without_place = |line: &str| line.split_once(' ').unwrap().1.to_owned();
         let found = found.lines().map(without_place).collect::<Vec<_>>().join("\n");
         assert_eq!(found, *expected, "{from} -> {to}");

@@ -2,7 +2,7 @@
 
 use super::model::{
     Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, NeededFor, PollClass, RefusedWrite,
-    Role, WordOrder,
+    Role, WordOrder, ZeroWord,
 };
 
 /// The table of an enumeration that defines its own words.
@@ -42,11 +42,18 @@ pub const FLAGS: [(&str, Flag); 8] = [
 ];
 
 /// Meanings of bits in a run command.
-pub const BIT_MEANINGS: [(&str, BitMeaning); 11] = [
+pub const BIT_MEANINGS: [(&str, BitMeaning); 18] = [
     ("run", BitMeaning::Run),
     ("reverse", BitMeaning::Reverse),
+    ("forward", BitMeaning::Forward),
     ("run-forward", BitMeaning::RunForward),
     ("run-reverse", BitMeaning::RunReverse),
+    ("stop", BitMeaning::Stop),
+    ("quick-stop", BitMeaning::QuickStop),
+    ("dc-brake", BitMeaning::DcBrake),
+    ("freeze", BitMeaning::Freeze),
+    ("toggle", BitMeaning::Toggle),
+    ("ignored", BitMeaning::Ignored),
     ("reset", BitMeaning::Reset),
     ("coast", BitMeaning::Coast),
     ("trip", BitMeaning::Trip),
@@ -54,6 +61,15 @@ pub const BIT_MEANINGS: [(&str, BitMeaning); 11] = [
     ("bus-run", BitMeaning::BusRun),
     ("bus-frequency", BitMeaning::BusFrequency),
     ("other", BitMeaning::Other),
+];
+
+/// What a run command of all zeros does.
+pub const ZERO_WORDS: [(&str, ZeroWord); 5] = [
+    ("stop", ZeroWord::Stop),
+    ("coast", ZeroWord::Coast),
+    ("nothing", ZeroWord::Nothing),
+    ("ignored", ZeroWord::Ignored),
+    ("release", ZeroWord::Release),
 ];
 
 /// Boundaries that no read may cross.

@@ -74,6 +74,12 @@ impl<'a, 'p> Reader<'a, 'p> {
         self.section.table.is_empty()
     }
 
+    /// The number of keys in the table.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.section.table.len()
+    }
+
     /// A reader of a table inside this one, from [`Self::table`] or [`Self::tables`].
     pub const fn open(&mut self, section: Section<'a>) -> Reader<'a, '_> {
         Reader::new(section, self.problems)

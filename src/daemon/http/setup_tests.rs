@@ -181,7 +181,7 @@ fn a_drive_that_the_bus_overrules_says_so() {
     assert_eq!(look_at(&side(Interface::Rs485, |_| {}), &drive)["takes_priority"], false);
     let with = |priority| {
         side(Interface::Rs485, move |model| {
-            model.run.as_mut().unwrap().form = RunForm::Bits { bits: Vec::new(), priority };
+            model.run.as_mut().unwrap().form = RunForm::Bits { bits: Vec::new(), fields: Vec::new(), priority };
         })
     };
     assert_eq!(look_at(&with(0), &drive)["takes_priority"], false);

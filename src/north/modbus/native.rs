@@ -4,7 +4,7 @@ use super::answer::Answer;
 use super::ask::Ask;
 use super::refusal;
 use crate::domain::native::{NativeAsk, NativeOutcome, Refusal};
-use crate::profile::model::{Model, Role};
+use crate::profile::model::{Model, OrderedWord, Role};
 use crate::wire::exception;
 
 /// The request that `ask` makes to a drive. 04 is served as 03, because drives have no input registers of their own.
@@ -46,7 +46,7 @@ pub fn is_stop(model: &Model, ask: &Ask) -> bool {
     };
     let (Some(register), Some(run)) = (model.register_for(Role::RunCommand), &model.run) else { return false };
     let Some(word) = register.address.word_in(address.into(), values) else { return false };
-    word == run.stop.value || run.coast.as_ref().is_some_and(|coast| word == coast.value)
+    matches!(run.order_in(word), Some(OrderedWord::Stop | OrderedWord::Coast))
 }
 
 const fn exception_of(why: Refusal) -> u8 {

@@ -5,9 +5,10 @@ use crate::domain::address::Address;
 use crate::domain::control::ControlAction;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
-use crate::profile::model::{Model, Register, Role, RunCommand, RunForm};
+use crate::profile::model::{BitMeaning, Model, Register, Role, RunCommand};
 use crate::profile::scale::digits_of;
-use crate::profile::words::{BIT_MEANINGS, FLAGS};
+use crate::profile::words::{BIT_MEANINGS, FLAGS, ZERO_WORDS};
+use crate::toml_file::words::word_for;
 
 /// Most values in one line of text.
 const VALUES_IN_TEXT: usize = 8;
@@ -112,10 +113,16 @@ fn run_text(run: &RunCommand, word: u16) -> String {
     if let Some((name, _)) = all.into_iter().find(|(_, fact)| fact.value == word) {
         return name.to_owned();
     }
-    let RunForm::Bits { bits, .. } = &run.form else { return String::new() };
-    let set = bits.iter().filter(|it| word.checked_shr(it.bit.value.into()).unwrap_or(0) & 1 == 1);
-    let names = set.filter_map(|it| BIT_MEANINGS.iter().find(|(_, meaning)| *meaning == it.meaning));
-    names.map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+    let zero = run.zero.as_ref().filter(|_| word == 0);
+    if let Some(zero) = zero {
+        return word_for(&ZERO_WORDS, &zero.value).to_owned();
+    }
+    let senses = run.form.senses();
+    if senses.has(word, BitMeaning::Ignored) {
+        return word_for(&BIT_MEANINGS, &BitMeaning::Ignored).to_owned();
+    }
+    let names = senses.held(word).map(|sense| word_for(&BIT_MEANINGS, &sense.meaning));
+    names.collect::<Vec<_>>().join(", ")
 }
 
 /// The flags that hold with `word` in the status register at `address`.

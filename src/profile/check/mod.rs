@@ -5,6 +5,7 @@ mod keys;
 mod link;
 mod registers;
 mod run;
+mod run_word;
 mod setup;
 mod status;
 mod values;

@@ -1,19 +1,15 @@
 //! The rules between the keys of `[run]`.
 
 use super::keys::once;
+use super::run_word;
 use crate::domain::problem::Problem;
-use crate::profile::file::{FormWord, Order, RunFile};
-use crate::profile::model::{BitMeaning, Role};
+use crate::profile::file::{FormWord, RunFile};
+use crate::profile::model::Role;
 use crate::profile::register::RegisterFile;
-use crate::profile::words::BIT_MEANINGS;
-use crate::toml_file::words::word_for;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
 /// Maximum length of a reset sequence, in words.
 const RESET_WORDS_MAX: usize = 8;
-
-/// Bits that make the motor turn.
-const TURNING: [BitMeaning; 4] = [BitMeaning::Run, BitMeaning::RunForward, BitMeaning::RunReverse, BitMeaning::Jog];
 
 pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     let called = |word: &u16| format!("the word {}", shown(*word, run));
@@ -22,14 +18,15 @@ pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFil
     reset_is_framed(run, location, problems);
     match run.form.as_ref().map(|form| form.value) {
         None => {}
-        Some(FormWord::Values) => values_have_no_bits(run, problems),
-        Some(FormWord::Bits) => bits_are_sound(run, location, problems),
+        Some(FormWord::Values) => run_word::values_have_no_bits(run, problems),
+        Some(FormWord::Bits) => run_word::bits_are_sound(run, location, problems),
     }
+    run_word::zero_is_known(run, location, problems);
     commands_are_taken(location, registers, problems);
 }
 
 /// `word` in the notation of the file's form.
-fn shown(word: u16, run: &RunFile) -> String {
+pub(super) fn shown(word: u16, run: &RunFile) -> String {
     match run.form.as_ref().map(|form| form.value) {
         Some(FormWord::Bits) => format!("0x{word:04X}"),
         Some(FormWord::Values) | None => word.to_string(),
@@ -78,70 +75,6 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
                 problems.push(sequence.location.problem(what).right(right));
             }
         }
-    }
-}
-
-/// Only words composed of bits may declare bits.
-fn values_have_no_bits(run: &RunFile, problems: &mut Vec<Problem>) {
-    let places = run.bits.iter().map(|bit| &bit.location).chain(run.priority.valid().map(|written| &written.location));
-    let problem = |location: &Location| location.problem("each word is one command, so single bits have no meaning");
-    problems.extend(places.map(|location| problem(location).right("leave it out, or form = \"bits\"")));
-}
-
-/// Every command consists of declared bits and orders only what its name says.
-fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
-    if run.bits.is_empty() {
-        let problem = location.missing("bit").problem("no bit is declared, and form is \"bits\"");
-        problems.push(problem.right("`[[run.bit]]` for every bit that a command uses"));
-        return;
-    }
-    let bits = run.bits.iter().filter_map(|bit| bit.bit.as_ref());
-    once(bits, |bit| format!("bit {bit}"), "a bit that is declared only once", problems);
-    let declared = run.bits.iter().map(|bit| Some(1_u16 << bit.bit.as_ref()?.value));
-    let declared = declared.collect::<Option<Vec<_>>>().map(|bits| bits.into_iter().fold(0, |all, bit| all | bit));
-    let priority = run.priority.valid();
-    for written in run.words().map(|(_, word)| word).chain(priority) {
-        bits_are_declared(written, declared, problems);
-    }
-    for (order, word) in run.words() {
-        orders_one_thing(order, word, run, problems);
-        if let Some(priority) = priority.filter(|it| order != Order::Release && word.value & it.value != it.value) {
-            let what = format!("0x{:04X} lacks bits of `priority`", word.value);
-            problems.push(word.location.problem(what).right(format!("0x{:04X}", word.value | priority.value)));
-        }
-    }
-}
-
-fn bits_are_declared(word: &Spanned<u16>, declared: Option<u16>, problems: &mut Vec<Problem>) {
-    let Some(declared) = declared else { return };
-    let unknown = word.value & !declared;
-    if unknown != 0 {
-        let what = format!("0x{:04X} has an undeclared bit: {}", word.value, unknown.trailing_zeros());
-        problems.push(word.location.problem(what).right("a `[[run.bit]]` for it, or a word without it"));
-    }
-}
-
-/// Only forward and reverse turn the motor, no command in both directions, and a stop only stops.
-fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
-    let has = |meaning: BitMeaning| {
-        let is_set = |bit: u8| word.value >> bit & 1 == 1;
-        let mut bits = run.bits.iter().filter_map(|bit| Some((bit.bit.as_ref()?.value, bit.meaning.as_ref()?.value)));
-        bits.any(|(bit, it)| it == meaning && is_set(bit))
-    };
-    let also: &[BitMeaning] = match order {
-        Order::Forward | Order::Reverse => {
-            if has(BitMeaning::RunForward) && has(BitMeaning::RunReverse) {
-                let what = format!("0x{:04X} orders forward and reverse at once", word.value);
-                problems.push(word.location.problem(what).right("a single direction"));
-            }
-            return;
-        }
-        Order::Stop => &[BitMeaning::Trip, BitMeaning::Reset],
-        Order::Coast | Order::Reset | Order::Release => &[],
-    };
-    for meaning in TURNING.iter().chain(also).filter(|meaning| has(**meaning)) {
-        let what = format!("0x{:04X} has the bit `{}`", word.value, word_for(&BIT_MEANINGS, meaning));
-        problems.push(word.location.problem(what).right("a word without it"));
     }
 }
 

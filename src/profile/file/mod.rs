@@ -8,6 +8,7 @@ mod facts;
 mod link;
 mod quirks;
 mod run;
+mod run_word;
 mod setup;
 mod status;
 
@@ -17,6 +18,7 @@ pub(super) use facts::{FactFile, Origin};
 pub(super) use link::{LinkFile, TimingFile};
 pub(super) use quirks::QuirksFile;
 pub(super) use run::{FormWord, Order, RunFile};
+pub(super) use run_word::FieldFile;
 pub(super) use setup::{IdentityFile, SetupFile, WatchdogFile};
 pub(super) use status::{CodeFile, StatusFile};
 

@@ -1,10 +1,11 @@
 //! `[run]`: how run commands are given.
 
-use super::facts::{FactFile, Facts, Origin, fact, optional};
-use crate::profile::model::{BitMeaning, RunBit, RunCommand, RunForm};
-use crate::profile::words::BIT_MEANINGS;
+use super::facts::{FactFile, Facts, optional};
+use super::run_word::{BitFile, FieldFile};
+use crate::profile::model::{RunCommand, RunForm, WordSenses, ZeroWord};
+use crate::profile::words::ZERO_WORDS;
 use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 
 /// How the words of run commands are built.
 const FORMS: [(&str, FormWord); 2] = [("values", FormWord::Values), ("bits", FormWord::Bits)];
@@ -20,6 +21,7 @@ pub(in crate::profile) enum FormWord {
 pub(in crate::profile) struct RunFile {
     pub form: RequiredKey<FormWord>,
     pub bits: Vec<BitFile>,
+    pub fields: Vec<FieldFile>,
     pub priority: OptionalKey<u16>,
     pub stop: FactFile<u16>,
     pub forward: FactFile<u16>,
@@ -29,14 +31,7 @@ pub(in crate::profile) struct RunFile {
     pub release: Option<FactFile<u16>>,
     pub reset_sequence: OptionalKey<Vec<Spanned<u16>>>,
     pub never: Vec<FactFile<u16>>,
-}
-
-/// One of `[[run.bit]]`
-pub(in crate::profile) struct BitFile {
-    pub location: Location,
-    pub bit: RequiredKey<u8>,
-    pub meaning: RequiredKey<BitMeaning>,
-    origin: Option<Origin>,
+    pub zero: Option<FactFile<ZeroWord>>,
 }
 
 /// What a run command orders.
@@ -56,6 +51,7 @@ impl RunFile {
         let run = Self {
             form: reader.required("form", &Kind::one_of(&FORMS)),
             bits: reader.tables("bit").into_iter().map(|it| BitFile::read(facts, reader.open(it))).collect(),
+            fields: reader.tables("field").into_iter().map(|it| FieldFile::read(facts, reader.open(it))).collect(),
             priority: reader.optional("priority", &Kind::number(1..=u16::MAX)),
             stop: facts.value(&mut reader, "stop", &word),
             forward: facts.value(&mut reader, "forward", &word),
@@ -65,6 +61,7 @@ impl RunFile {
             release: facts.optional_value(&mut reader, "release", &word),
             reset_sequence: reader.list("reset_sequence", &word),
             never: facts.each(&mut reader, "never", &word),
+            zero: facts.optional_value(&mut reader, "zero", &Kind::choice(&ZERO_WORDS, zero_means)),
         };
         reader.finish();
         run
@@ -83,6 +80,12 @@ impl RunFile {
         all.into_iter().filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
     }
 
+    /// The usable meanings of bits and fields.
+    pub fn senses(&self) -> WordSenses {
+        let bits = self.bits.iter().filter_map(BitFile::sense);
+        WordSenses(bits.chain(self.fields.iter().flat_map(FieldFile::senses)).collect())
+    }
+
     /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<RunCommand> {
         Some(RunCommand {
@@ -91,7 +94,9 @@ impl RunFile {
                 FormWord::Bits => {
                     let mut bits = self.bits.iter().map(BitFile::ready).collect::<Option<Vec<_>>>()?;
                     bits.sort_by_key(|bit| bit.bit.value);
-                    RunForm::Bits { bits, priority: self.priority.or(0)? }
+                    let mut fields = self.fields.iter().map(FieldFile::ready).collect::<Option<Vec<_>>>()?;
+                    fields.sort_by_key(|field| field.mask.value);
+                    RunForm::Bits { bits, fields, priority: self.priority.or(0)? }
                 }
             },
             stop: self.stop.ready()?,
@@ -106,24 +111,18 @@ impl RunFile {
                 OptionalKey::Valid(sequence) => sequence.value.iter().map(|word| word.value).collect(),
             },
             never: self.never.iter().map(FactFile::ready).collect::<Option<Vec<_>>>()?,
+            zero: optional(self.zero.as_ref())?,
         })
     }
 }
 
-impl BitFile {
-    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let bit = Self {
-            location: reader.location().clone(),
-            bit: reader.required("bit", &Kind::number(0..=15_u8)),
-            meaning: reader.required("meaning", &Kind::one_of(&BIT_MEANINGS)),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        bit
-    }
-
-    fn ready(&self) -> Option<RunBit> {
-        let bit = fact(self.bit.as_ref()?.value, self.origin.as_ref())?;
-        Some(RunBit { bit, meaning: self.meaning.as_ref()?.value })
+/// What a drive does with a word of zeros, for a file that says something else.
+const fn zero_means(zero: ZeroWord) -> &'static str {
+    match zero {
+        ZeroWord::Stop => "the motor ramps down",
+        ZeroWord::Coast => "the motor coasts",
+        ZeroWord::Nothing => "the word is taken and changes nothing",
+        ZeroWord::Ignored => "the word is not taken",
+        ZeroWord::Release => "panel and terminals take over",
     }
 }

@@ -1,6 +1,6 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
-use super::{Confidence, Fact, FactPart, Model, Role};
+use super::{Confidence, Fact, FactPart, Model, Role, RunForm, ZeroWord};
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
 use crate::domain::link::Interface;
@@ -27,6 +27,8 @@ pub struct RunCommand {
     pub reset_sequence: Vec<u16>,
     /// Words that are never written, whatever a client asks for: the drive's reaction to them is unknown.
     pub never: Vec<Fact<u16>>,
+    /// What the drive does with an all-zero word, if the file says it beside the commands.
+    pub zero: Option<Fact<ZeroWord>>,
 }
 
 impl RunCommand {
@@ -95,57 +97,6 @@ impl Model {
     pub fn may_be_ordered(&self, accepted: &[ControlAction]) -> bool {
         accepted.contains(&ControlAction::Basic) || self.unproven_basics().is_empty()
     }
-}
-
-/// How the words of run commands are built.
-#[derive(Clone, Debug, PartialEq)]
-pub enum RunForm {
-    /// Each word is one command.
-    Values,
-    /// Each bit has a meaning of its own.
-    Bits {
-        /// The bits with their meanings, in order, each at most once.
-        bits: Vec<RunBit>,
-        /// Bits that every command but release contains. They make the drive obey the bus whatever its own settings
-        /// say, so even a stop takes control. 0 if the model has none.
-        priority: u16,
-    },
-}
-
-/// One bit of a run command.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunBit {
-    /// Its number, 0 for the lowest.
-    pub bit: Fact<u8>,
-    /// What it means when it is set.
-    pub meaning: BitMeaning,
-}
-
-/// What a bit of a run command means when it is set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum BitMeaning {
-    /// Run; without it the motor is ramped down.
-    Run,
-    /// The direction is reverse; without it forward.
-    Reverse,
-    /// Run forward.
-    RunForward,
-    /// Run in reverse.
-    RunReverse,
-    /// Reset a trip.
-    Reset,
-    /// Coast.
-    Coast,
-    /// The drive trips.
-    Trip,
-    /// Jog.
-    Jog,
-    /// Run commands are taken from the bus whatever the drive's settings say.
-    BusRun,
-    /// The frequency is taken from the bus whatever the drive's settings say.
-    BusFrequency,
-    /// Something that the gateway never orders.
-    Other,
 }
 
 /// How writes behave.

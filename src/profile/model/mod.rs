@@ -8,20 +8,19 @@ mod groups;
 mod link;
 mod parameter;
 mod register;
+mod run_word;
 mod status;
 mod watchdog;
 
 pub use codes::CodeRule;
-pub use command::{
-    Basic, BitMeaning, BlockWrite, Identity, NeededFor, RefusedWrite, RunBit, RunCommand, RunForm, SetupItem, Watchdog,
-    WriteRules,
-};
+pub use command::{Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, Watchdog, WriteRules};
 pub use document::{Document, DocumentKind};
 pub use form::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use parameter::ParameterKind;
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
+pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 
 use crate::domain::address::Address;

@@ -5,6 +5,7 @@ mod form;
 mod rules;
 
 use crate::domain::address::Address;
+use crate::domain::problem::Problem;
 pub use extra::{extra_register, with_extra};
 pub(super) use form::{CONFIGURED, FormFile, Steps};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
@@ -210,19 +211,24 @@ pub(super) fn meanings(reader: &mut Reader<'_, '_>, key: &'static str) -> Vec<(u
     if is_empty {
         reader.problems().push(location.problem("is empty").right("the meaning of at least one word, or leave it out"));
     }
-    let mut meanings = Vec::new();
-    for (key, text) in all {
+    words_of(all, reader.problems()).into_iter().map(|(word, text)| (word, text.value)).collect()
+}
+
+/// The entries of a table whose keys are words in decimal, in their order. Other keys are reported and omitted.
+pub(super) fn words_of<T>(entries: Vec<(String, Spanned<T>)>, problems: &mut Vec<Problem>) -> Vec<(u16, Spanned<T>)> {
+    let mut words = Vec::new();
+    for (key, value) in entries {
         // A leading zero or sign would allow the same word twice.
         match key.parse::<u16>().ok().filter(|word| word.to_string() == key) {
-            Some(word) => meanings.push((word, text.value)),
+            Some(word) => words.push((word, value)),
             None => {
-                let problem = text.location.problem(format!("`{key}` is not a register word"));
-                reader.problems().push(problem.right("a decimal number from \"0\" to \"65535\""));
+                let problem = value.location.problem(format!("`{key}` is not a register word"));
+                problems.push(problem.right("a decimal number from \"0\" to \"65535\""));
             }
         }
     }
-    meanings.sort_by_key(|(word, _)| *word);
-    meanings
+    words.sort_by_key(|(word, _)| *word);
+    words
 }
 
 /// The address of the register called `name`.

@@ -3,7 +3,9 @@
 use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
 use crate::domain::control::ControlAction;
-use crate::profile::model::{Model, RunCommand, RunForm, SetupItem};
+use crate::profile::model::{
+    BitMeaning, Model, OrderedWord, RunBit, RunCommand, RunField, RunForm, SetupItem, ZeroWord,
+};
 use crate::profile::words::{BIT_MEANINGS, NEEDED_FOR};
 use crate::toml_file::words::{INTERFACES, word_for};
 
@@ -26,6 +28,7 @@ pub(super) fn run_commands(run: &RunCommand) -> Vec<Row> {
     if !run.reset_sequence.is_empty() {
         rows.push(vec!["a reset is".to_owned(), list(run.reset_sequence.iter().map(|word| shown(*word)))]);
     }
+    rows.extend(zero(run));
     if let RunForm::Bits { priority: priority @ 1.., .. } = run.form {
         rows.push(vec!["with all but release".to_owned(), shown(priority)]);
     }
@@ -34,7 +37,38 @@ pub(super) fn run_commands(run: &RunCommand) -> Vec<Row> {
 
 pub(super) fn run_bits(run: &RunCommand) -> Vec<Row> {
     let RunForm::Bits { bits, .. } = &run.form else { return Vec::new() };
-    bits.iter().map(|bit| row(&bit.bit.value.to_string(), word_for(&BIT_MEANINGS, &bit.meaning), &bit.bit)).collect()
+    let text = |bit: &RunBit| {
+        let when = if bit.is_inverted { " while 0" } else { "" };
+        format!("{}{when}", word_for(&BIT_MEANINGS, &bit.meaning))
+    };
+    bits.iter().map(|bit| row(&bit.bit.value.to_string(), text(bit), &bit.bit)).collect()
+}
+
+pub(super) fn run_fields(run: &RunCommand) -> Vec<Row> {
+    let RunForm::Bits { fields, .. } = &run.form else { return Vec::new() };
+    let text = |(value, meaning): &(u16, Option<BitMeaning>)| {
+        format!("{value} {}", meaning.map_or("nothing", |meaning| word_for(&BIT_MEANINGS, &meaning)))
+    };
+    let values = |field: &RunField| list(field.values.iter().map(text));
+    fields.iter().map(|field| row(&format!("0x{:04X}", field.mask.value), values(field), &field.mask)).collect()
+}
+
+/// What a drive does with a word of zeros, and what the gateway makes of one that a client writes.
+fn zero(run: &RunCommand) -> Vec<Row> {
+    let Some(zero) = &run.zero else { return Vec::new() };
+    let ordered = match run.order_in(0) {
+        Some(OrderedWord::Coast) => "coast",
+        Some(OrderedWord::Release) => "release",
+        _ => "stop",
+    };
+    let text = match zero.value {
+        ZeroWord::Stop => "stops the motor",
+        ZeroWord::Coast => "lets the motor coast",
+        ZeroWord::Nothing => "does nothing",
+        ZeroWord::Ignored => "is ignored",
+        ZeroWord::Release => "hands the motor to panel and terminals",
+    };
+    vec![row("the word 0", text, zero), vec!["0 from a client is".to_owned(), ordered.to_owned()]]
 }
 
 /// The actions that require acceptance in the configuration.

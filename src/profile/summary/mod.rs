@@ -33,6 +33,7 @@ pub fn summary(model: &Model) -> String {
     if let Some(run) = &model.run {
         section(&mut text, "Run commands", command::run_commands(run));
         section(&mut text, "Bits of run commands", command::run_bits(run));
+        section(&mut text, "Fields of run commands", command::run_fields(run));
         let heading = "Unproven control actions, each off until `accept_unverified` names it";
         section(&mut text, heading, command::unproven_actions(model, run));
     }
@@ -54,7 +55,7 @@ pub fn summary(model: &Model) -> String {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::testing::{EVERYTHING, MODEL, golden};
+    use crate::profile::testing::{EVERYTHING, MODEL, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
 
     #[test]
     fn only_what_is_known_is_shown() {
@@ -79,6 +80,13 @@ mod tests {
     fn values_are_shown_with_what_they_depend_on() {
         let text = include_str!("../../../tests/golden/models/values.toml");
         golden("values.txt", &summary(&check::model(text).unwrap()));
+    }
+
+    #[test]
+    fn what_a_run_word_means_is_shown() {
+        golden("zero-ignored.txt", &summary(&check::model(ZERO_IGNORED).unwrap()));
+        golden("zero-nothing.txt", &summary(&check::model(ZERO_NOTHING).unwrap()));
+        golden("zero-coast.txt", &summary(&check::model(ZERO_COAST).unwrap()));
     }
 
     #[test]

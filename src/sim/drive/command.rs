@@ -1,12 +1,11 @@
 //! Meaning of a word in the run command register.
 
-use crate::profile::model::{BitMeaning, RunCommand, RunForm};
+use crate::profile::model::{BitMeaning, RunCommand, RunField, RunForm, ZeroWord};
 
 /// The orders in a run command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct RunOrder {
-    /// 1 forward, -1 reverse, 0 stop.
-    pub(super) direction: i64,
+    pub(super) motion: Motion,
     /// It runs at the jog frequency.
     pub(super) jog: bool,
     pub(super) coast: bool,
@@ -20,20 +19,56 @@ pub(super) struct RunOrder {
     pub(super) bus_frequency: bool,
     /// Everything else stays unchanged: the word is one command, not a set of states.
     pub(super) is_one_command: bool,
+    /// The drive answers as if it had taken the word, and does nothing with it.
+    pub(super) is_ignored: bool,
+}
+
+/// How the motor is ordered to turn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Motion {
+    /// Down to standstill.
+    #[default]
+    Stop,
+    /// 1 forward, -1 reverse.
+    Run(i64),
+    /// As before; in this direction if it runs and the word says one.
+    Keep(Option<i64>),
+    /// The other way round.
+    Toggle,
+    /// At the frequency that it has now.
+    Freeze,
 }
 
 /// The orders in `word`; `None` if it has no meaning.
 pub(super) fn wish(run: &RunCommand, word: u16) -> Option<RunOrder> {
     match &run.form {
-        RunForm::Values => one_command(run, word),
-        RunForm::Bits { bits, .. } => {
-            let meanings: Vec<_> = (0..16)
-                .filter(|bit| word & (1 << bit) != 0)
-                .map(|bit| bits.iter().find(|it| u16::from(it.bit.value) == bit).map(|it| it.meaning))
-                .collect::<Option<_>>()?;
-            states(&meanings)
+        RunForm::Values => one_command(run, word).or_else(|| zero_command(run).filter(|_| word == 0)),
+        RunForm::Bits { bits, fields, .. } => {
+            let mut meanings = Vec::new();
+            for bit in 0..16 {
+                let is_set = word & (1 << bit) != 0;
+                match bits.iter().find(|it| u16::from(it.bit.value) == bit) {
+                    Some(known) => meanings.extend((is_set != known.is_inverted).then_some(known.meaning)),
+                    None if is_set && fields.iter().all(|field| field.mask.value & (1 << bit) == 0) => return None,
+                    None => {}
+                }
+            }
+            for field in fields {
+                meanings.extend(in_field(field, word)?);
+            }
+            let latches = bits.iter().any(|it| it.meaning == BitMeaning::Stop)
+                || fields.iter().any(|field| field.values.iter().any(|(_, it)| *it == Some(BitMeaning::Stop)));
+            states(run, &meanings, latches)
         }
     }
+}
+
+/// The meaning of `word` in `field`, if it has one there; `None` if the value is not known.
+fn in_field(field: &RunField, word: u16) -> Option<Option<BitMeaning>> {
+    let mask = field.mask.value;
+    let value = (0..16).filter(|bit| mask & (1 << bit) != 0).enumerate();
+    let value = value.fold(0, |value, (place, bit)| value | (word >> bit & 1) << place);
+    field.values.iter().find(|(known, _)| *known == value).map(|(_, meaning)| *meaning)
 }
 
 /// Whether the model's words can take control whatever the drive's source registers say.
@@ -46,8 +81,8 @@ fn one_command(run: &RunCommand, word: u16) -> Option<RunOrder> {
     let none = RunOrder { is_one_command: true, ..RunOrder::default() };
     let wishes = [
         (Some(&run.stop), none),
-        (Some(&run.forward), RunOrder { direction: 1, ..none }),
-        (run.reverse.as_ref(), RunOrder { direction: -1, ..none }),
+        (Some(&run.forward), RunOrder { motion: Motion::Run(1), ..none }),
+        (run.reverse.as_ref(), RunOrder { motion: Motion::Run(-1), ..none }),
         (run.coast.as_ref(), RunOrder { coast: true, ..none }),
         (run.reset.as_ref(), RunOrder { reset: true, ..none }),
         (run.release.as_ref(), RunOrder { release: true, ..none }),
@@ -55,19 +90,46 @@ fn one_command(run: &RunCommand, word: u16) -> Option<RunOrder> {
     wishes.into_iter().find(|(fact, _)| fact.is_some_and(|fact| fact.value == word)).map(|(_, wish)| wish)
 }
 
-fn states(meanings: &[BitMeaning]) -> Option<RunOrder> {
-    use BitMeaning::{BusFrequency, BusRun, Coast, Jog, Reset, Reverse, Run, RunForward, RunReverse, Trip};
+/// What a word of zeros does that is no command of its own.
+fn zero_command(run: &RunCommand) -> Option<RunOrder> {
+    let none = RunOrder { is_one_command: true, ..RunOrder::default() };
+    Some(match run.zero.as_ref()?.value {
+        ZeroWord::Stop => none,
+        ZeroWord::Coast => RunOrder { coast: true, ..none },
+        ZeroWord::Nothing => RunOrder { motion: Motion::Keep(None), ..none },
+        ZeroWord::Ignored => RunOrder { is_ignored: true, ..none },
+        ZeroWord::Release => RunOrder { release: true, ..none },
+    })
+}
+
+/// The orders of these states. If the drive `latches`, a run order stays until a stop.
+fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<RunOrder> {
+    use BitMeaning::{
+        BusFrequency, BusRun, Coast, DcBrake, Forward, Freeze, Ignored, Jog, QuickStop, Reset, Reverse, Run,
+        RunForward, RunReverse, Stop, Toggle, Trip,
+    };
     let has = |meaning| meanings.contains(&meaning);
-    let direction = match (has(RunForward), has(RunReverse)) {
+    if has(Ignored) {
+        return Some(RunOrder { is_ignored: true, ..RunOrder::default() });
+    }
+    let stops = has(Stop) || has(QuickStop) || has(DcBrake);
+    let said = match (has(Forward) || has(RunForward), has(Reverse) || has(RunReverse)) {
         (true, true) => return None,
-        (true, false) => 1,
-        (false, true) => -1,
-        (false, false) if !has(Run) && !has(Jog) => 0,
-        (false, false) if has(Reverse) => -1,
-        (false, false) => 1,
+        (true, false) => Some(1),
+        (false, true) => Some(-1),
+        (false, false) => None,
+    };
+    let turns = has(Run) || has(RunForward) || has(RunReverse) || has(Jog);
+    let motion = match (stops, turns) {
+        (true, _) => Motion::Stop,
+        _ if has(Freeze) => Motion::Freeze,
+        _ if has(Toggle) => Motion::Toggle,
+        (_, true) => Motion::Run(said.unwrap_or_else(|| unsaid(run))),
+        _ if latches => Motion::Keep(said),
+        _ => Motion::Stop,
     };
     Some(RunOrder {
-        direction,
+        motion,
         jog: has(Jog),
         coast: has(Coast),
         trip: has(Trip),
@@ -76,5 +138,15 @@ fn states(meanings: &[BitMeaning]) -> Option<RunOrder> {
         bus_run: has(BusRun),
         bus_frequency: has(BusFrequency),
         is_one_command: false,
+        is_ignored: false,
     })
+}
+
+/// The direction of a word that says none: forward, unless only forward has a bit of its own.
+fn unsaid(run: &RunCommand) -> i64 {
+    let RunForm::Bits { bits, fields, .. } = &run.form else { return 1 };
+    let of_bits = bits.iter().map(|bit| bit.meaning);
+    let of_fields = fields.iter().flat_map(|field| field.values.iter().filter_map(|(_, meaning)| *meaning));
+    let known: Vec<_> = of_bits.chain(of_fields).collect();
+    if known.contains(&BitMeaning::Forward) && !known.contains(&BitMeaning::Reverse) { -1 } else { 1 }
 }

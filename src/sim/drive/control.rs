@@ -2,7 +2,7 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::command::{RunOrder, has_priority, wish};
+use super::command::{Motion, RunOrder, has_priority, wish};
 use super::denied::Objection;
 use super::memory::MemoryAddress;
 use crate::domain::command::Direction;
@@ -58,9 +58,12 @@ impl SimDrive {
             return Err(Objection::Value);
         }
         let wish = wish(run, word).ok_or(Objection::Value)?;
+        if wish.is_ignored {
+            return Ok(());
+        }
         let needs_sources = !has_priority(run) && !wish.release;
         let has_sources = self.is_source_at_bus(Role::RunSource) && self.is_source_at_bus(Role::FrequencySource);
-        if (needs_sources && !has_sources) || (wish.direction != 0 && self.tripped) {
+        if (needs_sources && !has_sources) || (self.wanted_direction(wish.motion) != 0 && self.tripped) {
             return Err(Objection::NotNow);
         }
         // The effect of the word may change the register.
@@ -86,10 +89,35 @@ impl SimDrive {
         } else if has_bus && wish.coast {
             self.cut_off(at);
         } else if has_bus && !only_resets && !self.tripped {
-            self.run(at, wish.direction, wish.jog);
+            self.turn(at, wish);
         }
         if wish.reset && is_edge && self.tripped {
             self.reset(at);
+        }
+    }
+
+    /// The direction of a motor that is ordered to move like this; 0 if it is to stand still.
+    fn wanted_direction(&self, motion: Motion) -> i64 {
+        let before = self.control.direction;
+        match motion {
+            Motion::Stop => 0,
+            Motion::Run(direction) => direction,
+            Motion::Keep(Some(direction)) if before != 0 => direction,
+            Motion::Keep(_) | Motion::Freeze => before,
+            Motion::Toggle => -before,
+        }
+    }
+
+    fn turn(&mut self, at: MonoTime, wish: RunOrder) {
+        let direction = self.wanted_direction(wish.motion);
+        match wish.motion {
+            Motion::Freeze => {
+                self.control.direction = direction;
+                let output = self.motor.output(at);
+                self.motor.ramp_to(at, output);
+            }
+            Motion::Keep(_) => self.run(at, direction, self.control.is_jog),
+            Motion::Stop | Motion::Run(_) | Motion::Toggle => self.run(at, direction, wish.jog),
         }
     }
 

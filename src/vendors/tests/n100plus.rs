@@ -145,7 +145,7 @@ fn run_commands_are_those_of_the_manual() {
     let run = model.run.as_ref().unwrap();
     assert_eq!(run.reset_sequence, [0, 4, 0]);
     assert_eq!(run.never.iter().map(|fact| fact.value).collect::<Vec<_>>(), [3]);
-    let RunForm::Bits { bits, priority } = &run.form else { panic!("bits") };
+    let RunForm::Bits { bits, priority, .. } = &run.form else { panic!("bits") };
     let bits: Vec<_> = bits.iter().map(|bit| (bit.bit.value, bit.meaning, bit.bit.confidence)).collect();
     assert_eq!(bits, [(0, RunForward, Manual), (1, RunReverse, Manual), (2, Reset, Manual)]);
     assert_eq!(*priority, 0);

@@ -303,7 +303,7 @@ fn run_commands_are_those_of_the_sheet() {
     ];
     for model in [as1(), s15()] {
         let run = model.run.as_ref().unwrap();
-        let RunForm::Bits { bits, priority } = &run.form else { panic!("bits") };
+        let RunForm::Bits { bits, priority, .. } = &run.form else { panic!("bits") };
         let found: Vec<_> = bits.iter().map(|bit| (bit.bit.value, bit.meaning)).collect();
         assert_eq!(found, (0..).zip(meanings).collect::<Vec<_>>());
         assert_eq!(*priority, 0xC000);
