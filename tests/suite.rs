@@ -123,3 +123,5 @@ mod watching;
 mod without_06;
 #[path = "scenarios/written_zero.rs"]
 mod written_zero;
+#[path = "scenarios/zero_words.rs"]
+mod zero_words;

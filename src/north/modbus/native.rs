@@ -131,4 +131,22 @@ mod tests {
             assert_eq!(is_stop(&model, &ask(pdu)), stops, "{pdu:?}");
         }
     }
+
+    #[test]
+    fn a_zero_is_a_stop_where_the_model_says_what_the_drive_makes_of_it() {
+        use crate::profile::check;
+        let write = |word: u16| Ask::WriteWord { address: 0x2000, value: word };
+        for (text, stop, forward) in [
+            (include_str!("../../../tests/golden/models/zero-ignored.toml"), 0x043C, 0x047C),
+            (include_str!("../../../tests/golden/models/zero-nothing.toml"), 0x0001, 0x0012),
+            (include_str!("../../../tests/golden/models/zero-coast.toml"), 0x0006, 0x0007),
+        ] {
+            let mut model = check::model(text).unwrap();
+            for (word, stops) in [(0, true), (stop, true), (forward, false), (stop | forward | 0x8000, false)] {
+                assert_eq!(is_stop(&model, &write(word)), stops, "{}: {word:04X}", model.id);
+            }
+            model.run.as_mut().unwrap().zero = None;
+            assert!(!is_stop(&model, &write(0)), "{}", model.id);
+        }
+    }
 }

@@ -208,6 +208,27 @@ fn writes_say_what_is_ordered_and_what_the_drive_holds() {
 }
 
 #[test]
+fn a_run_word_is_told_by_its_bits_and_fields() {
+    use crate::profile::check;
+    let told = |text: &str, word: u16| {
+        let drive = KnownDrive { model: Arc::new(check::model(text).unwrap()), ..drive("hyundai-n700", 1) };
+        let pdu = [&[6, 0x20, 0x00][..], &word.to_be_bytes()].concat();
+        let asked = decoder(Framing::Rtu, vec![drive]).decode(&record(TrafficKind::Request, &frame(1, &pdu)));
+        asked.text.strip_prefix("write 0x2000 run command = ").unwrap_or(&asked.text).to_owned()
+    };
+    let ignoring = include_str!("../../../tests/golden/models/zero-ignored.toml");
+    assert_eq!(told(ignoring, 0x043C), "0x043C (stop)");
+    assert_eq!(told(ignoring, 0x0000), "0x0000 (ignored)");
+    assert_eq!(told(ignoring, 0x803C), "0x803C (ignored)", "whatever else it says");
+    assert_eq!(told(ignoring, 0x042C), "0x042C (quick-stop)");
+    let latching = include_str!("../../../tests/golden/models/zero-nothing.toml");
+    assert_eq!(told(latching, 0x0000), "0x0000 (nothing)");
+    assert_eq!(told(latching, 0x0032), "0x0032 (run, toggle)");
+    let coasting = include_str!("../../../tests/golden/models/zero-coast.toml");
+    assert_eq!(told(coasting, 0x0000), "0x0000 (coast)");
+}
+
+#[test]
 fn what_is_for_all_is_said_so() {
     let mut hall = hall();
     let asked = hall.decode(&record(TrafficKind::Request, &frame(0xFF, &[6, 0, 2, 0, 0])));

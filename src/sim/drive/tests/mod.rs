@@ -10,6 +10,7 @@ mod requests;
 mod trips;
 mod values;
 mod watchdog;
+mod words;
 
 use super::*;
 use crate::sim::motor::MICROHERTZ;
