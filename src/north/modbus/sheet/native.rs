@@ -5,7 +5,7 @@ use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{CodeText, Memory, Model, Register, Role, RunCommand, StatusFlag};
+use crate::profile::model::{CodeText, Memory, Model, OrderedWord, Register, Role, RunCommand, StatusFlag};
 use crate::profile::scale::Scaled;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
@@ -93,12 +93,15 @@ fn run_words(run: &RunCommand) -> Vec<String> {
         ("release", run.release.as_ref()),
     ];
     let all = proven.into_iter().chain(others).filter_map(|(word, fact)| Some((word, fact?)));
-    all.map(|(word, fact)| {
+    let is_command = all.clone().any(|(_, fact)| fact.value == 0);
+    let zero = run.order_in(0).filter(|_| !is_command);
+    let zero = zero.map(|order| if order == OrderedWord::Coast { "0 coast" } else { "0 stop" }.to_owned());
+    let all = all.map(|(word, fact)| {
         let mark = if fact.confidence.is_proven() { "" } else { " (unproven)" };
         let value = if fact.value > 9 { format!("0x{:04X}", fact.value) } else { fact.value.to_string() };
         format!("{value} {word}{mark}")
-    })
-    .collect()
+    });
+    all.chain(zero).collect()
 }
 
 fn of_flag(flag: &StatusFlag) -> String {

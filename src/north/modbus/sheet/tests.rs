@@ -215,3 +215,18 @@ fn lines_and_drives_of_the_gateway_stand_where_they_are_read() {
     let last = gateway(&many, &[], ALL).into_iter().map(|row| row.address).max().unwrap();
     assert!(last < own::DRIVES, "{last}");
 }
+
+#[test]
+fn a_sheet_says_what_a_zero_orders() {
+    use crate::profile::check;
+    for (text, expected) in [
+        (include_str!("../../../../tests/golden/models/zero-ignored.toml"), "0x04BC reset, 0 stop"),
+        (include_str!("../../../../tests/golden/models/zero-nothing.toml"), "9 reset, 0 stop"),
+        (include_str!("../../../../tests/golden/models/zero-coast.toml"), "0x0086 reset, 0 coast"),
+    ] {
+        let model = Arc::new(check::model(text).unwrap());
+        let rows = native(&DriveDescription { model, ..testing::description() }, ALL);
+        let run = rows.iter().find(|row| row.address == 0x2000).unwrap();
+        assert!(run.meaning.ends_with(expected), "{}", run.meaning);
+    }
+}
