@@ -15,4 +15,6 @@ pub mod value;
 pub mod words;
 
 #[cfg(test)]
+mod reference;
+#[cfg(test)]
 pub mod testing;

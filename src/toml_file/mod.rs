@@ -19,6 +19,8 @@
 //! assert_eq!(problems.len(), 2);
 //! ```
 
+#[cfg(test)]
+pub mod asked;
 mod location;
 mod reader;
 pub mod values;

@@ -1,5 +1,7 @@
 //! Reads a table key by key. See the example in [`crate::toml_file`].
 
+#[cfg(test)]
+use super::asked::{self, Form};
 use super::location::{Location, OptionalKey, RequiredKey, Spanned};
 use super::values::{Kind, kind_of};
 use crate::domain::problem::{Problem, nearest};
@@ -92,6 +94,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The value of the required key `key`.
     pub fn required<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> RequiredKey<T> {
+        #[cfg(test)]
+        self.note(key, Form::Value, true, kind.right());
         let Some(found) = self.find(key) else {
             self.report_missing(key, kind.right());
             return None;
@@ -101,6 +105,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The value of the optional key `key`.
     pub fn optional<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<T> {
+        #[cfg(test)]
+        self.note(key, Form::Value, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => self.read(found, kind).map_or(OptionalKey::Invalid, OptionalKey::Valid),
@@ -110,6 +116,8 @@ impl<'a, 'p> Reader<'a, 'p> {
     /// The optional list `key`. One invalid element makes the whole list invalid; each invalid element is
     /// reported.
     pub fn list<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Vec<Spanned<T>>> {
+        #[cfg(test)]
+        self.note(key, Form::List, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => self.read_list(found, kind).map_or(OptionalKey::Invalid, OptionalKey::Valid),
@@ -118,6 +126,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The required list `key`; otherwise as [`Self::list`].
     pub fn required_list<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> RequiredKey<Vec<Spanned<T>>> {
+        #[cfg(test)]
+        self.note(key, Form::List, true, kind.right());
         let Some(found) = self.find(key) else {
             self.report_missing(key, &format!("a list, each {}", kind.right()));
             return None;
@@ -127,6 +137,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The optional table `key`.
     pub fn table(&mut self, key: &'static str) -> OptionalKey<Section<'a>> {
+        #[cfg(test)]
+        self.note(key, Form::Table, false, "");
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => match self.as_section(found) {
@@ -138,6 +150,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The optional key `key`, a value or a table.
     pub fn value_or_table<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Entry<'a, T>> {
+        #[cfg(test)]
+        self.note(key, Form::ValueOrTable, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some((location, DeValue::Table(table))) => {
@@ -156,6 +170,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The required table `key`.
     pub fn required_table(&mut self, key: &'static str) -> Option<Section<'a>> {
+        #[cfg(test)]
+        self.note(key, Form::Table, true, "");
         let Some(found) = self.find(key) else {
             self.report_missing(key, &format!("a table `{key}`"));
             return None;
@@ -165,6 +181,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The tables `[[key]]` in the order of the file; empty if there are none.
     pub fn tables(&mut self, key: &'static str) -> Vec<Section<'a>> {
+        #[cfg(test)]
+        self.note(key, Form::Tables, false, "");
         let Some((location, value)) = self.find(key) else { return Vec::new() };
         let DeValue::Array(elements) = value else {
             let what = format!("must be a list of tables, not {}", kind_of(value));
@@ -182,6 +200,8 @@ impl<'a, 'p> Reader<'a, 'p> {
     /// The values of all keys, for a table whose keys the author of the file chooses. Invalid values are reported
     /// and omitted.
     pub fn all<T>(self, kind: &Kind<'_, T>) -> Vec<(String, Spanned<T>)> {
+        #[cfg(test)]
+        self.note(asked::ANY, Form::Value, false, kind.right());
         let table = self.section.table;
         let entries = table.iter();
         entries
@@ -195,6 +215,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The tables and values of all keys; otherwise as [`Self::all`].
     pub fn entries<T>(&mut self, kind: &Kind<'_, T>) -> Vec<(String, Entry<'a, T>)> {
+        #[cfg(test)]
+        self.note(asked::ANY, Form::ValueOrTable, false, kind.right());
         let table = self.section.table;
         let mut entries = Vec::new();
         for (key, value) in table {
@@ -210,6 +232,8 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The lists of all keys; otherwise as [`Self::all`].
     pub fn all_lists<T>(mut self, kind: &Kind<'_, T>) -> Vec<(String, Spanned<Vec<Spanned<T>>>)> {
+        #[cfg(test)]
+        self.note(asked::ANY, Form::List, false, kind.right());
         let table = self.section.table;
         let mut lists = Vec::new();
         for (key, value) in table {
@@ -243,6 +267,11 @@ impl<'a, 'p> Reader<'a, 'p> {
             };
             self.problems.push(location.problem(format!("unknown key `{key}`")).right(right));
         }
+    }
+
+    #[cfg(test)]
+    fn note(&self, key: &'static str, form: Form, is_required: bool, right: &str) {
+        asked::note(&self.section.location.key, key, form, is_required, right);
     }
 
     fn find(&mut self, key: &'static str) -> Option<(Location, &'a DeValue<'a>)> {

@@ -1,0 +1,151 @@
+//! Makes `docs/model-reference.md`, the reference of all keys of a model file, from what the readers ask for.
+//!
+//! The sentences are in [`file`], [`orders`], [`registers`] and [`words`]. A key or a word without a sentence fails the test.
+
+mod file;
+mod orders;
+mod registers;
+mod schema;
+mod words;
+
+use crate::toml_file::asked::Form;
+use schema::Schema;
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+/// The sentences about one table. Inner tables belong to it unless they have a section of their own.
+struct Section {
+    /// Path of the table; empty for the file itself.
+    table: &'static str,
+    /// What it says.
+    says: &'static str,
+    keys: &'static [Key],
+}
+
+/// Name of a key in its table, its value if it is left out, and what it says.
+type Key = (&'static str, &'static str, &'static str);
+
+/// The words under keys, each with its meaning.
+struct Words {
+    /// Paths of the keys.
+    of: &'static [&'static str],
+    words: &'static [(&'static str, &'static str)],
+}
+
+/// Keys whose words explain themselves.
+const PLAIN: [&str; 9] = [
+    "link.default.parity",
+    "link.parities",
+    "link.framings",
+    "link.interfaces",
+    "setup.interface",
+    "register.unit",
+    "register.access",
+    "register.direction",
+    "read.boundary",
+];
+
+fn sections() -> impl Iterator<Item = &'static Section> {
+    [file::FILE, file::LINE, orders::ORDERS, orders::STATES, registers::REGISTERS].into_iter().flatten()
+}
+
+fn path_of(section: &Section, key: &str) -> String {
+    schema::joined(section.table, key)
+}
+
+/// The document.
+fn reference(schema: &Schema) -> String {
+    let mut text = words::INTRODUCTION.to_owned();
+    for section in sections() {
+        section_head(schema, section, &mut text);
+        text.push_str("| key | | what is valid | meaning |\n| --- | --- | --- | --- |\n");
+        for (key, absent, says) in section.keys {
+            let path = path_of(section, key);
+            let need = if schema.is_required(&path) { "required" } else { absent };
+            let _ = writeln!(text, "| `{key}` | {need} | {} | {says} |", kind(schema, &path));
+        }
+    }
+    text.push_str("\n## Words\n");
+    for Words { of, words } in words::WORDS {
+        let _ = write!(text, "\n### {}\n\n| word | meaning |\n| --- | --- |\n", of.join(", "));
+        for (word, says) in *words {
+            let _ = writeln!(text, "| `\"{word}\"` | {says} |");
+        }
+    }
+    text
+}
+
+fn section_head(schema: &Schema, section: &Section, text: &mut String) {
+    let table = section.table;
+    let heading = match (table, schema.form(table)) {
+        ("", _) => "The file itself".to_owned(),
+        (words::FACT, _) => "Every fact".to_owned(),
+        (_, Some(Form::Tables)) => format!("`[[{table}]]`"),
+        _ => format!("`[{table}]`"),
+    };
+    let _ = write!(text, "\n## {heading}\n\n{}", section.says);
+    if !table.is_empty() && schema.form(table).is_some() {
+        text.push_str(if schema.is_required(table) { " Required." } else { " Optional." });
+    }
+    if schema.is_fact(table) {
+        text.push_str(" With `confidence` and `source`.");
+    }
+    text.push_str("\n\n");
+}
+
+/// What is valid at `path`, as a cell of a table.
+fn kind(schema: &Schema, path: &str) -> String {
+    let list = words::WORDS.iter().find(|words| words.of.contains(&path));
+    let link = |words: &Words| {
+        let anchor: String = words.of.join(", ").to_lowercase().chars().filter(|c| !['.', ','].contains(c)).collect();
+        format!("[one of these words](#{})", anchor.replace(' ', "-"))
+    };
+    schema.kind(path, list.map(link).as_deref()).replace('|', "\\|")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told() -> BTreeSet<String> {
+        let keys = sections().flat_map(|section| section.keys.iter().map(|(key, ..)| path_of(section, key)));
+        let tables = sections().map(|section| section.table.to_owned()).filter(|table| !table.is_empty());
+        keys.chain(tables.filter(|table| *table != words::FACT)).collect()
+    }
+
+    #[test]
+    fn every_key_that_is_read_has_a_sentence() {
+        let schema = Schema::of_the_readers();
+        assert_eq!(schema.unread_tables(), [""; 0], "no model file of this repository has these tables");
+        let told = told();
+        let read: BTreeSet<_> = schema.paths().collect();
+        let silent: Vec<_> = read.iter().filter(|path| !told.contains(**path)).collect();
+        assert!(silent.is_empty(), "keys without a sentence in `src/profile/reference`: {silent:?}");
+        let stale: Vec<_> = told.iter().filter(|path| !read.contains(path.as_str())).collect();
+        assert!(stale.is_empty(), "sentences about keys that no reader asks for: {stale:?}");
+    }
+
+    #[test]
+    fn every_word_that_is_read_has_a_meaning() {
+        for (path, read) in Schema::of_the_readers().words() {
+            if PLAIN.contains(&path) {
+                continue;
+            }
+            let told = words::WORDS.iter().find(|words| words.of.contains(&path));
+            let told = told.unwrap_or_else(|| panic!("the words of {path} have no meanings: {read:?}")).words;
+            let told: BTreeSet<_> = told.iter().map(|(word, _)| *word).collect();
+            let read: BTreeSet<_> = read.into_iter().collect();
+            assert_eq!(told, read, "{path}");
+        }
+    }
+
+    #[test]
+    fn the_reference_is_what_the_readers_ask_for() {
+        let path = format!("{}/docs/model-reference.md", env!("CARGO_MANIFEST_DIR"));
+        let found = reference(&Schema::of_the_readers());
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        assert!(found == std::fs::read_to_string(&path).unwrap(), "{path} is another one: UPDATE_GOLDEN=1 writes it");
+    }
+}

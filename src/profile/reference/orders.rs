@@ -1,0 +1,153 @@
+//! Sentences about orders, status, trips and settings.
+
+use super::Section;
+
+pub(super) const ORDERS: &[Section] = &[
+    Section {
+        table: "run",
+        says: "The words of run commands. They are written to the register with `role = \"run-command\"`. Without this table \
+               the drive is only read.",
+        keys: &[
+            ("form", "", "How the words are built."),
+            ("stop", "", "The word that ramps the motor down."),
+            ("forward", "", "The word that runs the motor forward."),
+            ("reverse", "no such order", "The word that runs the motor in reverse."),
+            ("coast", "no such order", "The word that cuts the output off."),
+            ("reset", "no such order", "The word that resets a trip."),
+            ("release", "no such order", "The word that hands control back to panel and terminals."),
+            (
+                "reset_sequence",
+                "required with `reset`",
+                "The words of a reset in the order in which they are written: `stop` first, then only `reset` and `stop`; with \
+                 bits `stop` is also the last, because it clears the reset bit. At most 8.",
+            ),
+            ("never", "none", "Words that are never written, whatever a client asks for."),
+            (
+                "priority",
+                "none",
+                "Bits that every command but `release` contains: the drive obeys the bus whatever its settings say.",
+            ),
+        ],
+    },
+    Section {
+        table: "run.bit",
+        says: "With `form = \"bits\"`: every bit that a command uses. A word with a bit that is not listed is refused. A word \
+               is as sure as its own `confidence` says: an example that shows several bits proves their sum only, so a word \
+               that you compose of single bits is `inferred` unless the manual prints it. Rows are told apart by `bit`.",
+        keys: &[("bit", "", "Its number, 0 for the lowest."), ("meaning", "", "What it means when it is set.")],
+    },
+    Section {
+        table: "setup",
+        says: "The settings that the drive needs before it obeys the bus, in the order in which they are made. `check` and \
+               `verify` print them, `enable` makes those that have a register. Rows are told apart by `what`.",
+        keys: &[
+            ("what", "", "The vendor's code, or the switch."),
+            ("text", "", "The setting and what it must be, in words."),
+            ("register", "set at the drive", "The name of its register, which is readable and writable."),
+            (
+                "mask",
+                "the whole word",
+                "The bits that `values` are compared with. A setting with a mask is not written.",
+            ),
+            ("values", "required with `register`", "The words that are right; `enable` writes the first one."),
+            (
+                "needed_for",
+                "none",
+                "Orders that have no effect while the register holds another word. It is read before such an order, which is \
+                 refused with `precondition` while it differs. A stop is never refused.",
+            ),
+            ("interface", "all", "The only interface that it applies to."),
+        ],
+    },
+    Section {
+        table: "identity",
+        says: "How a drive tells what it is. A drive that shows something else gets no order but a stop (`other_drive`).",
+        keys: &[
+            ("register", "", "The name of the register."),
+            ("mask", "the whole word", "The bits that count."),
+            ("values", "", "The masked words that drives of this model show."),
+            ("others", "none", "Masked words of other drives with their names: `{ \"272\" = \"Acme Flux 3\" }`."),
+            ("others.NAME", "", "The name of the drive that shows this word, in decimal."),
+        ],
+    },
+    Section {
+        table: "watchdog",
+        says: "The drive's own watchdog: what it does when the bus is silent. `verify`, `require_watchdog` and an alarm rest on \
+               it.",
+        keys: &[
+            ("register", "", "The name of the register that holds its time."),
+            ("off", "", "The word of that register that switches it off."),
+            ("action", "none", "The name of the register that holds what the drive does when the time is over."),
+            (
+                "action_digit",
+                "the whole word",
+                "If one decimal digit of `action` says it: the place of the digit, 1, 10, 100 or 1000.",
+            ),
+            (
+                "keeps_running",
+                "required with `action`",
+                "The words of `action` with which the motor runs on, so that the watchdog is as good as off; `[]` if there are \
+                 none.",
+            ),
+            (
+                "stops",
+                "all other words in the `values` of `action`",
+                "The words of `action` with which the drive stops the motor. A word in neither list is unknown, and the watchdog \
+                 is then never reported as in order.",
+            ),
+        ],
+    },
+];
+
+pub(super) const STATES: &[Section] = &[
+    Section {
+        table: "status",
+        says: "States that a register shows. Rows are told apart by `flag`.",
+        keys: &[
+            ("flag", "", "The state."),
+            ("register", "", "The name of the register, which is polled."),
+            ("mask", "the whole word", "The bits that count."),
+            ("values", "", "The masked words with which the state holds."),
+        ],
+    },
+    Section {
+        table: "trip",
+        says: "The vendor's texts for trips. `code` for a register with role `trip-code` or `trip-cause`, `bit` for one with \
+               role `trip-bits`. Rows are told apart by `code` or `bit`.",
+        keys: &[
+            ("code", "required without `bit`", "The number of the trip."),
+            ("bit", "", "The bit of the trip, 0 for the lowest."),
+            ("text", "", "Its meaning."),
+        ],
+    },
+    Section {
+        table: "warning",
+        says: "The vendor's texts for warnings, as `[[trip]]`. A warning is shown and does nothing else.",
+        keys: &[
+            ("code", "required without `bit`", "The number of the warning."),
+            ("bit", "", "The bit of the warning, 0 for the lowest."),
+            ("text", "", "Its meaning."),
+        ],
+    },
+    Section {
+        table: "codes",
+        says: "How the vendor's codes go together with addresses. Registers that break the rule are reported; one that states \
+               its `code` may leave out `address`. Either `groups` or `form`.",
+        keys: &[
+            ("form", "", "The rule, unless it is `groups`."),
+            (
+                "groups",
+                "",
+                "A code is the name of a group and a number in decimal; the address is the group's high byte and the number: \
+                 with `{ F = 0x01 }` `F08` is 0x0108.",
+            ),
+            ("groups.NAME", "", "The high byte of the group. Upper and lower case are different groups."),
+            ("ends", "all numbers", "Groups in which the rule ends at a number: codes beyond it may be anywhere."),
+            ("ends.NAME", "", "The last number of the group that follows the rule."),
+            ("separator", "none", "The text between group and number, as the `.` of `P.01`."),
+            ("group", "100", "With `form = \"linear\"` and a separator: addresses from one group to the next."),
+            ("number", "1", "With `form = \"linear\"`: addresses from one number to the next."),
+            ("offset", "0", "With `form = \"linear\"`: the address of number 0 in group 0, often -1."),
+        ],
+    },
+];

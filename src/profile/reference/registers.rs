@@ -1,0 +1,83 @@
+//! Sentences about registers.
+
+use super::Section;
+
+pub(super) const REGISTERS: &[Section] = &[Section {
+    table: "register",
+    says: "One register. Leave out what is not documented. Rows are told apart by `name`.",
+    keys: &[
+        ("name", "", "Its name, unique in the file; what topics, `read` and `write` call it."),
+        ("title", "", "A description."),
+        ("code", "none", "The vendor's code, as `F007`."),
+        (
+            "address",
+            "that of `code`",
+            "The address as it is sent on the wire, counted from 0. Required unless `[codes]` gives it.",
+        ),
+        ("unit", "", "The unit of the value; `-` for none."),
+        ("access", "", "What the documents say can be done with it."),
+        ("role", "none", "What the gateway uses it for. A role belongs to one register, except `trip-history`."),
+        ("poll", "on request only", "How often it is read."),
+        ("memory", "not known, treated as `stored`", "Where a written value is kept."),
+        ("scale", "1", "Raw steps in one unit: with 100 a raw 4250 is 42.50. Or a ratio: value = raw x per / steps."),
+        ("scale.steps", "", "Raw steps."),
+        ("scale.per", "", "The number of units that they are."),
+        ("signed", "false", "Whether the number is in two's complement."),
+        ("range", "not known", "The least and the greatest value that the drive takes, in the unit: `[0.1, 600.0]`."),
+        ("values", "none", "The meanings of its words: `{ \"0\" = \"panel\", \"2\" = \"bus\" }`."),
+        ("values.NAME", "", "The meaning of this word, in decimal."),
+        (
+            "back_door",
+            "none",
+            "Why no client may ever write it: it is another way to move the motor, or widens its limits.",
+        ),
+        (
+            "link",
+            "false",
+            "Whether it decides how the drive is reached: station, speed, format. `params restore` writes it last, and only on request.",
+        ),
+        ("not_stated", "none", "What of this row its source does not state, so that it is not proven."),
+        (
+            "words",
+            "1",
+            "2 for a 32-bit value, which takes this address and the next. It is only read, both words in one frame.",
+        ),
+        ("word_order", "required with `words = 2`", "The order of the two words."),
+        (
+            "mask",
+            "the whole word",
+            "The bits that hold the number, neighbours; it is shifted down. Registers may share an address if their masks do not overlap and they are only read.",
+        ),
+        (
+            "exponent_mask",
+            "none",
+            "Beside `mask`: at most 3 bits with a power of ten: value = number x 10^exponent / scale.",
+        ),
+        ("full_scale", "none", "The value is a fraction: from + raw / steps x (of - from). In place of `scale`."),
+        ("full_scale.steps", "", "The raw number that stands for the whole."),
+        (
+            "full_scale.of",
+            "",
+            "The name of the readable register in the same unit that holds the whole, or `\"configured\"`: the drive's key `full_scale_hz`.",
+        ),
+        ("full_scale.from", "0", "The name of the register that holds the value of a raw 0."),
+        ("scale_by", "none", "The steps per unit depend on another register. In place of `scale`."),
+        ("scale_by.register", "", "The name of that register."),
+        (
+            "scale_by.steps",
+            "",
+            "Steps per unit by its word: `{ \"0\" = 1, \"1\" = 10 }`. With another word there is no value.",
+        ),
+        ("scale_by.steps.NAME", "", "The steps per unit with this word, in decimal."),
+        ("plus", "none", "Further words that are added, as MWh to kWh."),
+        ("plus.address", "", "The address of the word."),
+        ("plus.scale", "1", "Its steps, as `scale`."),
+        ("plus.scale.steps", "", "Raw steps."),
+        ("plus.scale.per", "", "The number of units that they are."),
+        (
+            "direction",
+            "none",
+            "Of a signed output frequency or frequency command: the sign is the direction, and the magnitude is shown.",
+        ),
+    ],
+}];
