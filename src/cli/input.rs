@@ -89,10 +89,21 @@ pub fn drawn(found: &[Findings]) -> String {
 /// There is none; the nearest identifier is offered. Or see [`catalog_with`].
 pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
     let catalog = catalog_with(dirs)?;
-    catalog.find(id).cloned().ok_or_else(|| {
-        let hint = nearest(id, catalog.ids()).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
-        Failure::wrong(format!("no model is called {id}{hint}"))
-    })
+    catalog.find(id).cloned().ok_or_else(|| no_model(id, &catalog))
+}
+
+/// The model called `id` as one complete file.
+///
+/// # Errors
+/// As [`model`].
+pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, Failure> {
+    let catalog = catalog_with(dirs)?;
+    catalog.text_of(id).ok_or_else(|| no_model(id, &catalog))
+}
+
+fn no_model(id: &str, catalog: &Catalog) -> Failure {
+    let hint = nearest(id, catalog.ids()).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
+    Failure::wrong(format!("no model is called {id}{hint}"))
 }
 
 /// Reads a text file of at most 1 MiB.

@@ -3,9 +3,10 @@
 use super::model_facts::{OrderWord, Unproven, orders, orders_text};
 use super::own_models::ModelDirs;
 use super::{Failure, input, print};
+use crate::profile::catalog::id_of;
 use crate::profile::model::{Document, Model, Register};
+use crate::profile::summary;
 use crate::profile::words::POLL_CLASSES;
-use crate::profile::{check, summary};
 use crate::toml_file::words::{FRAMINGS, word_for};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -35,6 +36,9 @@ enum Action {
         /// Print JSON
         #[arg(long)]
         json: bool,
+        /// Print it as one complete model file, also one that begins from another model
+        #[arg(long, conflicts_with = "json")]
+        toml: bool,
     },
     /// Check a model file of your own: reports all problems at once, or lists unproven facts
     Check {
@@ -48,7 +52,8 @@ pub fn models(args: &Args) -> Result<(), Failure> {
     match &args.action {
         None => list(&args.own, false),
         Some(Action::List { json }) => list(&args.own, *json),
-        Some(Action::Show { model, json }) => show(model, &args.own, *json),
+        Some(Action::Show { model, toml: true, .. }) => print(&input::model_text(model, &args.own)?),
+        Some(Action::Show { model, json, .. }) => show(model, &args.own, *json),
         Some(Action::Check { file }) => check_file(file, &args.own),
     }
 }
@@ -84,9 +89,8 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let mut files = input::own_models(own)?;
     files.read_file(path).map_err(|unread| Failure::wrong(unread.what))?;
     let catalog = input::joined(&files)?;
-    // A model that was added to the catalog is valid by itself.
-    let of_file = files.files().find(|(other, _)| *other == path).and_then(|(_, text)| check::model(text).ok());
-    let Some(model) = of_file.and_then(|model| catalog.find(&model.id).cloned()) else { return Ok(()) };
+    let id = files.files().find(|(other, _)| *other == path).and_then(|(_, text)| id_of(text));
+    let Some(model) = id.and_then(|id| catalog.find(&id).cloned()) else { return Ok(()) };
     let mut text = format!("{} is sound: {} registers\n", model.id, model.registers.len());
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
     if !model.unproven_basics().is_empty() {

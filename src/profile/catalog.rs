@@ -1,9 +1,10 @@
 //! The built-in and user-supplied models, by identifier.
 
 use super::check;
+use super::like::{Source, Sources, Whole};
 use super::model::Model;
 use crate::domain::problem::Problem;
-use crate::toml_file::Location;
+use crate::toml_file::{self, Location};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -18,6 +19,34 @@ pub struct Catalog {
 struct Entry {
     model: Arc<Model>,
     file: String,
+    text: Arc<str>,
+}
+
+/// The files of a catalog, and those that are about to join it.
+struct Files<'c> {
+    catalog: &'c Catalog,
+    new: &'c [(String, Arc<str>)],
+}
+
+impl Sources for Files<'_> {
+    fn find(&self, id: &str) -> Option<Source<'_>> {
+        let known = self.catalog.models.get(id).map(|entry| (&entry.file, &entry.text));
+        let new =
+            || self.new.iter().find(|(_, text)| id_of(text).as_deref() == Some(id)).map(|(file, text)| (file, text));
+        known.or_else(new).map(|(file, text)| Source { file, text })
+    }
+
+    fn ids(&self) -> Vec<String> {
+        let known = self.catalog.ids().map(str::to_owned);
+        known.chain(self.new.iter().filter_map(|(_, text)| id_of(text))).collect()
+    }
+}
+
+/// The identifier that a model file states, whether or not the rest of it is sound.
+#[must_use]
+pub fn id_of(text: &str) -> Option<String> {
+    let document = toml_file::document(text, &mut Vec::new())?;
+    document.section().table.get("id")?.get_ref().as_str().map(str::to_owned)
 }
 
 impl Catalog {
@@ -38,13 +67,24 @@ impl Catalog {
         mut self,
         texts: impl IntoIterator<Item = (F, T)>,
     ) -> Result<Self, Vec<(String, Problem)>> {
+        let new: Vec<_> = texts.into_iter().map(|(file, text)| (file.into(), Arc::from(text.as_ref()))).collect();
+        let files = Files { catalog: &self, new: &new };
+        let read: Vec<_> = new.iter().map(|(_, text)| check::model_and_id(text, &files)).collect();
         let mut all = Vec::new();
-        for (file, text) in texts {
-            let file = file.into();
-            let added = check::model_and_id(text.as_ref()).and_then(|(model, id)| self.add(model, &file, &id));
+        for ((file, text), read) in new.into_iter().zip(read) {
+            let added = read.and_then(|(model, id)| self.add(model, &file, text, &id));
             all.extend(added.err().into_iter().flatten().map(|problem| (file.clone(), problem)));
         }
         if all.is_empty() { Ok(self) } else { Err(all) }
+    }
+
+    /// The model with identifier `id` as one complete file: as it is, or together with what it takes over from others.
+    #[must_use]
+    pub fn text_of(&self, id: &str) -> Option<String> {
+        let Entry { text, .. } = self.models.get(id)?;
+        let files = Files { catalog: self, new: &[] };
+        let whole = Whole::read(text, &files, &mut Vec::new())?;
+        Some(if whole.base().is_none() { text.to_string() } else { whole.text() })
     }
 
     /// The model with identifier `id`, if any.
@@ -58,12 +98,12 @@ impl Catalog {
         self.models.keys().map(String::as_str)
     }
 
-    fn add(&mut self, model: Model, file: &str, id: &Location) -> Result<(), Vec<Problem>> {
+    fn add(&mut self, model: Model, file: &str, text: Arc<str>, id: &Location) -> Result<(), Vec<Problem>> {
         if let Some(taken) = self.models.get(&model.id) {
             let problem = id.problem(format!("`{}` is already defined by {}", model.id, taken.file));
             return Err(vec![problem.right("a unique identifier")]);
         }
-        self.models.insert(model.id.clone(), Entry { model: Arc::new(model), file: file.to_owned() });
+        self.models.insert(model.id.clone(), Entry { model: Arc::new(model), file: file.to_owned(), text });
         Ok(())
     }
 }

@@ -25,6 +25,7 @@ mod location;
 mod reader;
 pub mod values;
 pub mod words;
+pub mod written;
 
 pub use location::{Location, OptionalKey, RequiredKey, Spanned};
 pub use reader::{Document, Entry, Reader, Section, document};

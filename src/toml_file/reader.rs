@@ -12,7 +12,19 @@ pub struct Document<'a> {
     root: serde_spanned::Spanned<DeTable<'a>>,
 }
 
-impl Document<'_> {
+impl<'a> Document<'a> {
+    /// The document whose outermost table is `table`.
+    #[must_use]
+    pub fn of(table: DeTable<'a>) -> Self {
+        Self { root: serde_spanned::Spanned::new(0..0, table) }
+    }
+
+    /// The outermost table, as a value.
+    #[must_use]
+    pub fn into_table(self) -> DeTable<'a> {
+        self.root.into_inner()
+    }
+
     /// The outermost table.
     #[must_use]
     pub fn section(&self) -> Section<'_> {

@@ -215,7 +215,8 @@ fn of_document() -> (String, String) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/adding-a-drive.md");
     let text = std::fs::read_to_string(path).unwrap();
     let (model, rest) = text.split_once("\n## Checking it\n").unwrap();
-    let [configuration] = &blocks(rest)[..] else { panic!("one configuration") };
+    let [configuration, like] = &blocks(rest)[..] else { panic!("a configuration and a model") };
+    assert!(like.contains("like = \"acme-flux-2\""), "{like}");
     (blocks(model).join("\n"), configuration.clone())
 }
 

@@ -12,9 +12,10 @@ mod values;
 mod warnings;
 
 use super::file::ModelFile;
+use super::like::{Alone, Source, Sources, Whole};
 use super::model::Model;
 use crate::domain::problem::Problem;
-use crate::toml_file::{self, Location, OptionalKey};
+use crate::toml_file::{Location, OptionalKey};
 
 /// The model that `text` describes.
 ///
@@ -22,15 +23,24 @@ use crate::toml_file::{self, Location, OptionalKey};
 /// All problems of the file, by position. A fact must cite one of the file's documents; only a time on the
 /// line may be a conservative default instead.
 pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
-    model_and_id(text).map(|(model, _)| model)
+    model_and_id(text, &Alone).map(|(model, _)| model)
 }
 
-/// Like [`model`], with the location of its identifier.
-pub(super) fn model_and_id(text: &str) -> Result<(Model, Location), Vec<Problem>> {
+/// Like [`model`], with the location of its identifier. The file may begin from one of `sources`.
+pub(super) fn model_and_id(text: &str, sources: &dyn Sources) -> Result<(Model, Location), Vec<Problem>> {
     let mut problems = Vec::new();
-    let ready = toml_file::document(text, &mut problems).and_then(|document| {
-        let file = ModelFile::read(document.section(), &mut problems);
-        compare(&file, &mut problems);
+    let ready = Whole::read(text, sources, &mut problems).and_then(|whole| {
+        let mut of_whole = Vec::new();
+        let file = ModelFile::read(whole.document().section(), &mut of_whole);
+        compare(&file, &mut of_whole);
+        of_whole.sort_by_key(|problem| problem.span.start);
+        let is_unsound = |base: Source<'_>| model_and_id(base.text, sources).is_err();
+        let has_taken_over = of_whole.iter().any(|problem| whole.is_taken_over(problem));
+        if has_taken_over && whole.base().is_some_and(is_unsound) {
+            of_whole.retain(|problem| !whole.is_taken_over(problem));
+            problems.extend(whole.base_has_mistakes());
+        }
+        problems.extend(whole.placed(of_whole));
         Some((file.ready()?, file.id?.location))
     });
     problems.sort_by_key(|problem| problem.span.start);

@@ -12,7 +12,7 @@ pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<Document>)>);
 impl DocumentsFile {
     /// Reads `[documents]`: each short name maps to a title, for a manual of this very model, or to a table with further
     /// keys.
-    pub(super) fn read(mut reader: Reader<'_, '_>) -> Self {
+    pub(in crate::profile) fn read(mut reader: Reader<'_, '_>) -> Self {
         let mut documents = Vec::new();
         for (name, entry) in reader.entries(&Kind::text()) {
             let document = match entry {
@@ -28,7 +28,7 @@ impl DocumentsFile {
     }
 
     /// The document called `name`: `None` if there is none, `Some(None)` if it is unusable.
-    pub(super) fn find(&self, name: &str) -> Option<Option<&Document>> {
+    pub(in crate::profile) fn find(&self, name: &str) -> Option<Option<&Document>> {
         self.0.iter().find(|(it, _)| it == name).map(|(_, document)| document.as_ref())
     }
 

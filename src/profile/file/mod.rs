@@ -13,6 +13,7 @@ mod setup;
 mod status;
 
 pub(super) use codes::CodesFile;
+pub(super) use documents::DocumentsFile;
 pub(super) use exchange::{BarrierFile, BarrierForm, BlockFile, ReadFile, WriteFile};
 pub(super) use facts::{FactFile, Origin};
 pub(super) use link::{LinkFile, TimingFile};
@@ -22,12 +23,12 @@ pub(super) use run_word::FieldFile;
 pub(super) use setup::{IdentityFile, SetupFile, WatchdogFile};
 pub(super) use status::{CodeFile, StatusFile};
 
+use super::like::LikeFile;
 use super::model::{Identity, Model, PollClass, Quirks, Register, SetupItem, Watchdog};
 use super::register::RegisterFile;
 use crate::domain::problem::Problem;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
-use documents::DocumentsFile;
 use facts::Facts;
 
 /// The whole file.
@@ -62,6 +63,8 @@ impl ModelFile {
         let documents = reader.required_table("documents").map(|it| DocumentsFile::read(reader.open(it)));
         let id = reader.required("id", &Kind::parsed("`vendor-model`: a to z and 0 to 9 between single dashes", id));
         let of = id.as_ref().map(|id| id.value.clone());
+        // They are known keys; `like::Whole` has applied them and taken them out.
+        LikeFile::read(&mut reader);
         let proven = &Facts { documents: documents.as_ref(), model: of.as_deref(), defaults: false };
         let chosen = &Facts { defaults: true, ..*proven };
         let codes = given(&mut reader, "codes", |reader| CodesFile::read(proven, reader));

@@ -9,6 +9,18 @@ pub(super) const FILE: &[Section] = &[
         says: "These keys come before the first table.",
         keys: &[
             ("id", "", "The name of the model, `vendor-model`; what `model = ` says in a configuration."),
+            (
+                "like",
+                "",
+                "The `id` of another model that this file begins from: then it says only what differs. See \
+                 [below](#a-file-that-begins-from-another-model).",
+            ),
+            (
+                "without",
+                "",
+                "With `like`: what is left out of the other model, as `\"watchdog\"`, `\"run.coast\"`, `\"register.torque\"` or \
+                 `\"trip.7\"`.",
+            ),
             ("vendor", "", "The maker's name."),
             ("title", "", "The product's name."),
             ("functions", "", "The function codes that the drive serves, in decimal or as `0x10`."),

@@ -8,6 +8,7 @@ mod registers;
 mod schema;
 mod words;
 
+use crate::profile::like::ROWS;
 use crate::toml_file::asked::Form;
 use schema::Schema;
 use std::collections::BTreeSet;
@@ -31,6 +32,10 @@ struct Words {
     of: &'static [&'static str],
     words: &'static [(&'static str, &'static str)],
 }
+
+/// Lists of tables that a file with `like` replaces as a whole.
+#[cfg(test)]
+const REPLACED: [&str; 3] = ["barrier", "run.never", "register.plus"];
 
 /// Keys whose words explain themselves.
 const PLAIN: [&str; 9] = [
@@ -64,6 +69,11 @@ fn reference(schema: &Schema) -> String {
             let need = if schema.is_required(&path) { "required" } else { absent };
             let _ = writeln!(text, "| `{key}` | {need} | {} | {says} |", kind(schema, &path));
         }
+    }
+    text.push_str(words::LIKE);
+    for (list, keys) in ROWS {
+        let keys: Vec<_> = keys.iter().map(|key| format!("`{key}`")).collect();
+        let _ = writeln!(text, "| `[[{list}]]` | {} |", keys.join(" or "));
     }
     text.push_str("\n## Words\n");
     for Words { of, words } in words::WORDS {
@@ -123,6 +133,15 @@ mod tests {
         assert!(silent.is_empty(), "keys without a sentence in `src/profile/reference`: {silent:?}");
         let stale: Vec<_> = told.iter().filter(|path| !read.contains(path.as_str())).collect();
         assert!(stale.is_empty(), "sentences about keys that no reader asks for: {stale:?}");
+    }
+
+    /// Each list of tables is merged by rows or replaced as a whole.
+    #[test]
+    fn every_list_of_tables_is_merged_or_replaced() {
+        let schema = Schema::of_the_readers();
+        let lists: BTreeSet<_> = schema.paths().filter(|path| schema.form(path) == Some(Form::Tables)).collect();
+        let rows = ROWS.iter().map(|(list, _)| *list);
+        assert_eq!(rows.chain(REPLACED).collect::<BTreeSet<_>>(), lists);
     }
 
     #[test]

@@ -9,10 +9,23 @@ pub(super) const INTRODUCTION: &str = "# Model files: every key
 
 What a file that describes a drive model may contain. A test makes this page from the program: it names every key that is
 read. [Adding a drive from its manual](../deploy/adding-a-drive.md) is the guide with an example; `models check` reports all
-mistakes of a file at once.
+mistakes of a file at once, and `models show MODEL --toml` prints a complete one.
 
 The second column says what a key is that is left out; empty where that needs no saying. Times are text with their unit
 (`\"500ms\"`, `\"2s\"`), words of 16 bits are numbers, best written as `0x0400`. `NAME` is a name that you choose.
+";
+
+pub(super) const LIKE: &str = "
+## A file that begins from another model
+
+With `like` a file takes over everything that it does not say itself, except `id` and `title`; the vendor may be another one.
+Rows of the lists below that both files have are told apart by their key, and the file's own row takes the place of the other
+one. Every other list, and every fact, is replaced as a whole; tables that are no facts are merged key by key. What is taken
+over keeps its documents and is graded anew: a document of the other model makes a fact `sibling` at best. A document of the
+other model that covers this one too is declared again, with the same title and kind, and with both models in `of`.
+
+| rows of | are told apart by |
+| --- | --- |
 ";
 
 pub(super) const WORDS: &[Words] = &[
