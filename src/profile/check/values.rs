@@ -1,10 +1,11 @@
 //! The rules for values that are more than one word divided by a scale.
 
+use super::keys::readable;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::ModelFile;
 use crate::profile::model::{Access, Role};
-use crate::profile::register::{CONFIGURED, RegisterFile, named};
+use crate::profile::register::{CONFIGURED, RegisterFile};
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
 /// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
@@ -170,11 +171,8 @@ fn basis<'f>(
     file: &'f ModelFile,
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
-    let Some(basis) = named(&name.value, &file.registers) else {
-        let what = format!("there is no register `{}`", name.value);
-        tell(&name.location, what, "the name of a register of this model", problems);
-        return None;
-    };
+    let before = problems.len();
+    let basis = readable(name, &file.registers, problems).filter(|_| problems.len() == before)?;
     let form = &basis.form;
     let is_simple = !form.is_pair()
         && form.exponent_mask.valid().is_none()
@@ -184,11 +182,6 @@ fn basis<'f>(
     if basis.name() == register.name() || !is_simple {
         let what = format!("`{}` is not one word with a scale of its own", name.value);
         tell(&name.location, what, "a register of one word, or a field of it", problems);
-        return None;
-    }
-    if basis.access.as_ref().is_some_and(|access| !access.value.can_read()) {
-        let what = format!("`{}` cannot be read", name.value);
-        tell(&name.location, what, "a readable register", problems);
         return None;
     }
     Some(basis)
@@ -301,7 +294,11 @@ mod tests {
             ("scale = { steps = 4096 }", "scale.per: `per` is missing -> a whole number from 1 to 1000000"),
             (
                 "full_scale = { steps = 16384, of = \"max\" }",
-                "full_scale.of: there is no register `max` -> the name of a register of this model",
+                "full_scale.of: there is no register called `max` -> the `name` of a register",
+            ),
+            (
+                "full_scale = { steps = 16384, of = \"output_frequencie\" }",
+                "full_scale.of: there is no register called `output_frequencie` -> `output_frequency`",
             ),
             (
                 "full_scale = { steps = 16384, of = \"output_frequency\" }",
@@ -314,7 +311,7 @@ mod tests {
             ),
             (
                 "scale_by = { register = \"decimals\", steps = { \"0\" = 1 } }",
-                "scale_by.register: there is no register `decimals` -> the name of a register of this model",
+                "scale_by.register: there is no register called `decimals` -> the `name` of a register",
             ),
             ("direction = \"sign\"", "direction: a number without a sign has no direction -> `signed = true`"),
         ] {
