@@ -93,8 +93,13 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let Some(model) = id.and_then(|id| catalog.find(&id).cloned()) else { return Ok(()) };
     let mut text = format!("{} is sound: {} registers\n", model.id, model.registers.len());
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
-    if !model.unproven_basics().is_empty() {
+    let basics = model.unproven_basics();
+    if !basics.is_empty() {
         text.push_str("a drive of it takes orders only with accept_unverified = [\"basic\"]\n");
+    }
+    for basic in basics {
+        let sources = if basic.also.is_some() { "two independent sources" } else { "one source" };
+        let _ = writeln!(text, "  {}: {}, {sources}", basic.what, basic.confidence.word());
     }
     text.push_str(&unproven_text(&model));
     print(&text)
@@ -135,6 +140,8 @@ fn in_full(model: &Model) -> Value {
     let unproven = Unproven::of(model);
     let unproven = unproven.groups().map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
     value["unproven"] = Value::Object(unproven.collect());
+    let second = model.second_sources.iter().map(|it| (it.key.clone(), json!(it.source)));
+    value["second_sources"] = Value::Object(second.collect());
     value["registers"] = model.registers.iter().map(of_register).collect();
     value["documents"] = model.documents.iter().map(|document| of_document(document, model)).collect();
     value
@@ -147,6 +154,7 @@ fn of_document(document: &Document, model: &Model) -> Value {
         "kind": document.kind.word(),
         "of_this_model": document.is_of(&model.id),
         "of": document.of,
+        "made_from": document.made_from,
         "best": document.best(&model.id).word(),
     })
 }

@@ -9,7 +9,7 @@ use super::write::{Order, frequency, reason, stop};
 use crate::domain::command::Reason;
 use crate::domain::control::ControlAction;
 use crate::north::modbus::address as map;
-use crate::profile::model::{Model, ParameterKind};
+use crate::profile::model::{Basic, Model, ParameterKind};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
@@ -89,7 +89,7 @@ fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure
     if unproven.is_empty() || accepted.iter().any(|word| word == basic) {
         return Ok(());
     }
-    let what: Vec<_> = unproven.iter().map(|it| format!("{} ({})", it.what, it.confidence.word())).collect();
+    let what: Vec<_> = unproven.iter().map(Basic::described).collect();
     Err(Failure::wrong(format!(
         "{} takes no orders to move: not proven by a manual of it: {}; add --accept-unverified {basic} if you have seen \
          a stop work",

@@ -11,7 +11,7 @@ use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailS
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Confidence, Model, Register, Role};
+use crate::profile::model::{Basic, Confidence, Model, Register, Role};
 use crate::profile::scale::to_raw;
 use crate::toml_file::values::duration_text;
 use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
@@ -202,7 +202,7 @@ fn basics(file: &ControlFile, location: &Location, model: &Model, problems: &mut
     if unproven.is_empty() || others.contains(&ControlAction::Basic) {
         return;
     }
-    let what: Vec<_> = unproven.iter().map(|it| format!("{} ({})", it.what, it.confidence.word())).collect();
+    let what: Vec<_> = unproven.iter().map(Basic::described).collect();
     let what = format!("{} takes no orders: not proven by a manual of it: {}", model.id, what.join(", "));
     let words = std::iter::once(ControlAction::Basic).chain(others);
     let words: Vec<_> = words.map(|action| format!("\"{}\"", action.word())).collect();

@@ -82,6 +82,12 @@ impl<'a, 'p> Reader<'a, 'p> {
         &self.section.location
     }
 
+    /// The table.
+    #[must_use]
+    pub const fn section(&self) -> &Section<'a> {
+        &self.section
+    }
+
     /// Whether the table has no keys.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -66,7 +66,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
 mod tests {
     use super::*;
     use crate::domain::link::LinkSettings;
-    use crate::profile::model::Confidence;
+    use crate::profile::model::{Basic, Confidence};
     use crate::profile::testing::{EVERYTHING, MODEL, golden, told, told_with};
     use std::time::Duration;
 
@@ -142,6 +142,47 @@ mod tests {
             let found = told_with(MODEL, title, document);
             assert!(found.contains(expected), "{document}: {found}");
         }
+    }
+
+    #[test]
+    fn a_second_source_is_independent_of_the_first() {
+        let forward = "forward = { value = 0xC400, confidence = \"manual\", source = \"IM 5\"";
+        let also = |text: &str| format!("{forward}, also = \"{text}\"");
+        let found = model(&EVERYTHING.replace(forward, &also("FN 4"))).unwrap();
+        assert_eq!((found.second_source("run.forward"), found.second_source("run.stop")), (Some("FN 4"), None));
+        let right = "right: an independent document, or leave it out";
+        for (text, expected) in [
+            ("IM 6", format!("run.forward.also: `IM` is the document of `source`\n    {right}")),
+            ("MM 6", format!("run.forward.also: `MM` was made from the same as the document of `source`\n    {right}")),
+            ("XM 6", "run.forward.also: `XM 6` does not cite a place in a declared document".to_owned()),
+            ("FN", "run.forward.also: `FN` does not cite a place in a declared document".to_owned()),
+        ] {
+            let found = told_with(EVERYTHING, forward, &also(text));
+            assert!(found.contains(&expected) && found.lines().count() == 2, "{text}: {found}");
+        }
+        // Two documents that were made from a third one are one source.
+        let twin = "MM = {";
+        let twins = EVERYTHING
+            .replace(twin, &format!("M2 = {{ title = \"x\", kind = \"forum\", made_from = \"IM\" }}\n{twin}"));
+        let found = told_with(&twins, "source = \"FN 4\", also = \"MM 5\"", "source = \"M2 4\", also = \"MM 5\"");
+        assert!(found.contains("run.reverse.also: `MM` was made from the same"), "{found}");
+        let found = told_with(EVERYTHING, "made_from = \"IM\"", "made_from = \"AM\"");
+        assert!(found.contains("documents.MM.made_from: there is no document `AM`"), "{found}");
+        let default = "confidence = \"default\", source = \"cautious\"";
+        let found = told_with(EVERYTHING, default, &format!("{default}, also = \"IM 2\""));
+        assert!(found.contains("timing.reply_timeout_cap.also: a default has no source"), "{found}");
+    }
+
+    #[test]
+    fn second_sources_are_named_by_row() {
+        let register = "role = \"frequency-command\"\nmemory = \"ram\"\nrange = [0.0, 400.0]\nconfidence = \"manual\"";
+        let text =
+            EVERYTHING.replace(register, &format!("{}\nalso = \"FN 9\"", register.replace("manual", "third-party")));
+        let found = model(&text).unwrap();
+        let keys: Vec<_> = found.second_sources.iter().map(|second| second.key.as_str()).collect();
+        assert_eq!(keys, ["run.reverse", "register.frequency_command"]);
+        let described: Vec<_> = found.unproven_basics().iter().map(Basic::described).collect();
+        assert_eq!(described, ["the frequency command's register (third-party, two independent sources)"]);
     }
 
     #[test]

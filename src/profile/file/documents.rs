@@ -4,7 +4,8 @@ use super::facts::filled_with;
 use crate::profile::model::{Confidence, Document, DocumentKind};
 use crate::profile::words::DOCUMENT_KINDS;
 use crate::toml_file::values::Kind;
-use crate::toml_file::{Entry, OptionalKey, Reader, RequiredKey};
+use crate::toml_file::{Entry, OptionalKey, Reader, RequiredKey, Spanned};
+use std::collections::BTreeSet;
 
 /// The documents of a file, each under its short name.
 pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<Document>)>);
@@ -14,17 +15,42 @@ impl DocumentsFile {
     /// keys.
     pub(in crate::profile) fn read(mut reader: Reader<'_, '_>) -> Self {
         let mut documents = Vec::new();
+        let mut made_from = Vec::new();
         for (name, entry) in reader.entries(&Kind::text()) {
             let document = match entry {
                 Entry::Value(title) => {
                     let kind = DocumentKind::Manual;
-                    Some(Document { name: name.clone(), title: title.value, kind, of: Vec::new() })
+                    let title = title.value;
+                    Some(Document { name: name.clone(), title, kind, of: Vec::new(), made_from: None })
                 }
-                Entry::Table(section) => document(&name, reader.open(section)),
+                Entry::Table(section) => document(&name, reader.open(section), &mut made_from),
             };
             documents.push((name, document));
         }
-        Self(documents)
+        let all = Self(documents);
+        for from in made_from {
+            if all.find(&from.value).is_none() {
+                let names: Vec<_> = all.names().map(|name| format!("\"{name}\"")).collect();
+                let problem = from.location.problem(format!("there is no document `{}`", from.value));
+                reader.problems().push(problem.right(names.join(" or ")));
+            }
+        }
+        all
+    }
+
+    /// Whether neither of two documents was made from the other, nor both from a third one.
+    pub(super) fn are_independent(&self, one: &str, other: &str) -> bool {
+        self.origins(one).is_disjoint(&self.origins(other))
+    }
+
+    /// The document called `name` and everything that it was made from.
+    fn origins<'d>(&'d self, name: &'d str) -> BTreeSet<&'d str> {
+        let mut origins = BTreeSet::new();
+        let mut next = Some(name);
+        while let Some(name) = next.filter(|name| origins.insert(*name)) {
+            next = self.find(name).flatten().and_then(|document| document.made_from.as_deref());
+        }
+        origins
     }
 
     /// The document called `name`: `None` if there is none, `Some(None)` if it is unusable.
@@ -42,7 +68,7 @@ impl DocumentsFile {
     }
 }
 
-fn document(name: &str, mut reader: Reader<'_, '_>) -> Option<Document> {
+fn document(name: &str, mut reader: Reader<'_, '_>, all_from: &mut Vec<Spanned<String>>) -> Option<Document> {
     let title = reader.required("title", &Kind::text());
     let kind: RequiredKey<DocumentKind> = reader.required("kind", &Kind::one_of(&DOCUMENT_KINDS));
     let of = match reader.list("of", &Kind::text()) {
@@ -51,9 +77,12 @@ fn document(name: &str, mut reader: Reader<'_, '_>) -> Option<Document> {
         }
         other => other,
     };
+    let made_from = reader.optional("made_from", &Kind::text());
+    all_from.extend(made_from.valid().cloned());
     reader.finish();
+    let made_from = made_from.optional()?;
     let of = of.optional()?.unwrap_or_default().into_iter().map(|it| it.value).collect();
-    Some(Document { name: name.to_owned(), title: title?.value, kind: kind?.value, of })
+    Some(Document { name: name.to_owned(), title: title?.value, kind: kind?.value, of, made_from })
 }
 
 /// A description of `document`, and the best confidence it supports for facts of the model `id`.

@@ -2,10 +2,12 @@
 
 use super::documents::{DocumentsFile, at_best};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Confidence, Fact};
+use crate::profile::like::row_of;
+use crate::profile::model::{Confidence, Document, Fact, SecondSource};
 use crate::profile::words::CONFIDENCES;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
+use std::cell::RefCell;
 
 /// Confidence and source of a fact.
 pub(in crate::profile) type Origin = (Confidence, String);
@@ -52,6 +54,8 @@ pub(super) struct Facts<'d> {
     pub model: Option<&'d str>,
     /// Whether a fact may be a default without a document.
     pub defaults: bool,
+    /// The second sources that were read.
+    pub second: &'d RefCell<Vec<SecondSource>>,
 }
 
 impl Facts<'_> {
@@ -124,15 +128,46 @@ impl Facts<'_> {
         fact
     }
 
-    /// The keys `confidence` and `source`, which every fact and register has.
+    /// The keys `confidence` and `source`, which every fact and register has, and `also`, which it may have.
     pub fn origin(&self, reader: &mut Reader<'_, '_>) -> Option<Origin> {
         let confidence = reader.required("confidence", &Kind::one_of(&CONFIDENCES));
         let right = "a document's short name and a place in it, or the reason for a default";
         let source = reader.required("source", &Kind::parsed(right, filled));
+        let also = reader.optional("also", &Kind::parsed("another document's short name and a place in it", filled));
+        if let (Some(source), Some(also)) = (&source, also.valid())
+            && self.is_second(source, also, confidence.as_ref(), reader.problems())
+        {
+            let key = key_of(reader.section());
+            self.second.borrow_mut().push(SecondSource { key, source: also.value.clone() });
+        }
         let confidence = confidence.filter(|it| self.may_be(it, reader.problems()))?;
         let cites = confidence.value != Confidence::Default;
         let source = source.filter(|it| !cites || self.is_cited(it, &confidence, reader.problems()))?;
         Some((confidence.value, source.value))
+    }
+
+    /// Whether `also` is a second source beside `source`: a place in a document that is independent of the other one.
+    fn is_second(
+        &self,
+        source: &Spanned<String>,
+        also: &Spanned<String>,
+        confidence: Option<&Spanned<Confidence>>,
+        problems: &mut Vec<Problem>,
+    ) -> bool {
+        if confidence.is_some_and(|confidence| confidence.value == Confidence::Default) {
+            problems.push(also.location.problem("a default has no source").right("leave it out"));
+            return false;
+        }
+        let Some(documents) = self.documents else { return true };
+        let Some(Some(second)) = cited(documents, also, problems) else { return false };
+        let (first, _) = source.value.split_once(' ').unwrap_or((&source.value, ""));
+        let is_second = documents.are_independent(first, &second.name);
+        if !is_second {
+            let how = if first == second.name { "is" } else { "was made from the same as" };
+            let problem = also.location.problem(format!("`{}` {how} the document of `source`", second.name));
+            problems.push(problem.right("an independent document, or leave it out"));
+        }
+        is_second
     }
 
     fn may_be(&self, confidence: &Spanned<Confidence>, problems: &mut Vec<Problem>) -> bool {
@@ -154,14 +189,7 @@ impl Facts<'_> {
         problems: &mut Vec<Problem>,
     ) -> bool {
         let Some(documents) = self.documents else { return true };
-        let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
-        let Some(document) = documents.find(name).filter(|_| !location.is_empty()) else {
-            let names: Vec<_> = documents.names().map(|name| format!("`{name} ...`")).collect();
-            let problem =
-                source.location.problem(format!("`{}` does not cite a place in a declared document", source.value));
-            problems.push(problem.right(names.join(" or ")));
-            return false;
-        };
+        let Some(document) = cited(documents, source, problems) else { return false };
         let (Some(document), Some(model)) = (document, self.model) else { return true };
         let (what, best) = at_best(document, model);
         if confidence.value >= best {
@@ -172,6 +200,29 @@ impl Facts<'_> {
         problems.push(problem.right(format!("at best \"{}\", or another source", best.word())));
         false
     }
+}
+
+/// The document that `source` cites; `None`: there is none, which is reported. `Some(None)`: it is unusable.
+fn cited<'d>(
+    documents: &'d DocumentsFile,
+    source: &Spanned<String>,
+    problems: &mut Vec<Problem>,
+) -> Option<Option<&'d Document>> {
+    let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
+    let document = documents.find(name).filter(|_| !location.is_empty());
+    if document.is_none() {
+        let names: Vec<_> = documents.names().map(|name| format!("`{name} ...`")).collect();
+        let what = format!("`{}` does not cite a place in a declared document", source.value);
+        problems.push(source.location.problem(what).right(names.join(" or ")));
+    }
+    document
+}
+
+/// The fact in `section`, as `without` calls it.
+fn key_of(section: &Section<'_>) -> String {
+    let key = &section.location.key;
+    let row = key.split_once('[').and_then(|(list, _)| row_of(list, section.table));
+    row.unwrap_or_else(|| key.clone())
 }
 
 /// A value with several parts beside confidence and source, at the location of its table.

@@ -24,12 +24,13 @@ pub(super) use setup::{IdentityFile, SetupFile, WatchdogFile};
 pub(super) use status::{CodeFile, StatusFile};
 
 use super::like::LikeFile;
-use super::model::{Identity, Model, PollClass, Quirks, Register, SetupItem, Watchdog};
+use super::model::{Identity, Model, PollClass, Quirks, Register, SecondSource, SetupItem, Watchdog};
 use super::register::RegisterFile;
 use crate::domain::problem::Problem;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
 use facts::Facts;
+use std::cell::RefCell;
 
 /// The whole file.
 pub(super) struct ModelFile {
@@ -37,6 +38,7 @@ pub(super) struct ModelFile {
     vendor: RequiredKey<String>,
     title: RequiredKey<String>,
     documents: Option<DocumentsFile>,
+    second: Vec<SecondSource>,
     pub link: Option<LinkFile>,
     timing: Option<TimingFile>,
     pub functions: FactFile<Vec<u8>>,
@@ -65,7 +67,8 @@ impl ModelFile {
         let of = id.as_ref().map(|id| id.value.clone());
         // They are known keys; `like::Whole` has applied them and taken them out.
         LikeFile::read(&mut reader);
-        let proven = &Facts { documents: documents.as_ref(), model: of.as_deref(), defaults: false };
+        let second = RefCell::new(Vec::new());
+        let proven = &Facts { documents: documents.as_ref(), model: of.as_deref(), defaults: false, second: &second };
         let chosen = &Facts { defaults: true, ..*proven };
         let codes = given(&mut reader, "codes", |reader| CodesFile::read(proven, reader));
         let rule = codes.valid().and_then(|codes| codes.value.ready());
@@ -93,6 +96,8 @@ impl ModelFile {
                 let origin = proven.origin(&mut reader);
                 RegisterFile::of_model(reader, origin, rule.as_ref())
             }),
+            // After everything that has sources.
+            second: second.take(),
             documents,
         };
         reader.finish();
@@ -117,6 +122,7 @@ impl ModelFile {
             vendor: self.vendor.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
             documents: self.documents.as_ref()?.ready()?,
+            second_sources: self.second.clone(),
             link: self.link.as_ref()?.ready()?,
             timing: self.timing.as_ref()?.ready()?,
             functions: self.functions.ready()?,

@@ -59,7 +59,7 @@ fn are_the_same(base: &DocumentsFile, of: &str, own: &DeTable<'_>, problems: &mu
         let name: &str = name.get_ref();
         let (Some(Some(theirs)), Some(Some(ours))) = (base.find(name), files.find(name)) else { continue };
         let location = Location { key: format!("documents.{name}"), span: value.span() };
-        if (&theirs.title, theirs.kind) != (&ours.title, ours.kind) {
+        if (&theirs.title, theirs.kind, &theirs.made_from) != (&ours.title, ours.kind, &ours.made_from) {
             let problem = location.problem(format!("in `{of}`, `{name}` is another document: {}", theirs.title));
             problems.push(problem.right("another short name"));
         } else if ours.of.is_empty() {

@@ -11,6 +11,7 @@ mod tests;
 
 #[cfg(test)]
 pub(super) use overlay::ROWS;
+pub(super) use overlay::row_of;
 
 use crate::domain::problem::{Problem, nearest};
 use crate::toml_file::values::Kind;

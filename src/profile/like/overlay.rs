@@ -111,12 +111,20 @@ fn keys_of_rows(path: &str) -> Option<&'static [&'static str]> {
 
 /// What tells `row` from the others, numbers in decimal.
 fn row_name(keys: &[&str], row: &DeValue<'_>) -> Option<String> {
-    let row = row.as_table()?;
+    name_among(keys, row.as_table()?)
+}
+
+fn name_among(keys: &[&str], row: &DeTable<'_>) -> Option<String> {
     match keys.iter().find_map(|key| row.get(*key))?.get_ref() {
         DeValue::String(text) => Some(text.trim().to_owned()),
         DeValue::Integer(integer) => number(&integer.to_string()).map(|number| number.to_string()),
         _ => None,
     }
+}
+
+/// The row of the list `list` that `table` is, as `without` calls it.
+pub(in crate::profile) fn row_of(list: &str, table: &DeTable<'_>) -> Option<String> {
+    Some(joined(list, &name_among(keys_of_rows(list)?, table)?))
 }
 
 /// The number that `text` is, in decimal or with `0x`.

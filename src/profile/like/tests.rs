@@ -66,7 +66,7 @@ fn what_is_taken_over_is_graded_for_the_new_model() {
     assert_eq!(run.reset.as_ref().unwrap().confidence, Confidence::Inferred, "worse than a sibling");
     assert_eq!(model.timing.max_lateness.confidence, Confidence::Default);
     let documents: Vec<_> = model.documents.iter().map(|it| (it.name.as_str(), it.is_of("acme-like"))).collect();
-    assert_eq!(documents, [("FN", true), ("IM", false), ("LM", true)]);
+    assert_eq!(documents, [("FN", true), ("IM", false), ("LM", true), ("MM", false)]);
     assert!(model.unproven_basics().iter().any(|basic| basic.what == "forward"), "it has to be accepted");
 }
 

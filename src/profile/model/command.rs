@@ -66,6 +66,8 @@ pub struct Basic<'m> {
     pub confidence: Confidence,
     /// Where it comes from.
     pub source: &'m str,
+    /// A second, independent source.
+    pub also: Option<&'m str>,
 }
 
 impl Model {
@@ -74,10 +76,11 @@ impl Model {
     #[must_use]
     pub fn unproven_basics(&self) -> Vec<Basic<'_>> {
         let Some(run) = &self.run else { return Vec::new() };
-        let mut basics = vec![
-            Basic { what: "stop", confidence: run.stop.confidence, source: &run.stop.source },
-            Basic { what: "forward", confidence: run.forward.confidence, source: &run.forward.source },
-        ];
+        let mut basics = Vec::new();
+        for (what, key, fact) in [("stop", "run.stop", &run.stop), ("forward", "run.forward", &run.forward)] {
+            let also = self.second_source(key);
+            basics.push(Basic { what, confidence: fact.confidence, source: &fact.source, also });
+        }
         let registers = [
             ("the run command's register", Role::RunCommand),
             ("the frequency command's register", Role::FrequencyCommand),
@@ -86,7 +89,12 @@ impl Model {
             let Some(register) = self.register_for(role) else { continue };
             let is_inferred = register.not_stated.contains(&FactPart::Writing);
             let confidence = if is_inferred { Confidence::Inferred } else { register.confidence };
-            basics.push(Basic { what, confidence: confidence.max(register.confidence), source: &register.source });
+            basics.push(Basic {
+                what,
+                confidence: confidence.max(register.confidence),
+                source: &register.source,
+                also: self.second_source(&format!("register.{}", register.name)),
+            });
         }
         basics.retain(|basic| !basic.confidence.is_proven());
         basics

@@ -13,6 +13,8 @@ pub struct Document {
     pub kind: DocumentKind,
     /// The models that it covers, by identifier or name. Empty: this very model.
     pub of: Vec<String>,
+    /// The document that it was made from, if it is known: the two are no two sources.
+    pub made_from: Option<String>,
 }
 
 /// What a document is.
@@ -89,6 +91,7 @@ mod tests {
             title: "X".to_owned(),
             kind,
             of: of.iter().map(|it| (*it).to_owned()).collect(),
+            made_from: None,
         };
         for (kind, best) in [
             (DocumentKind::Manual, Confidence::Manual),

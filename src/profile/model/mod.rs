@@ -3,6 +3,7 @@
 mod codes;
 mod command;
 mod document;
+mod evidence;
 mod form;
 mod groups;
 mod link;
@@ -15,6 +16,7 @@ mod watchdog;
 pub use codes::CodeRule;
 pub use command::{Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, Watchdog, WriteRules};
 pub use document::{Document, DocumentKind};
+pub use evidence::SecondSource;
 pub use form::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
@@ -93,6 +95,8 @@ pub struct Model {
     pub title: String,
     /// Documents that the facts cite.
     pub documents: Vec<Document>,
+    /// Second sources of facts, in the order of the file.
+    pub second_sources: Vec<SecondSource>,
     /// Line settings.
     pub link: Link,
     /// Times on the line.

@@ -37,6 +37,12 @@ pub(super) const FILE: &[Section] = &[
                 "",
                 "The short name of a document of `[documents]`, a space, and the place in it. With `default`: the reason.",
             ),
+            (
+                "also",
+                "none",
+                "A second, independent source: a place in another document, neither of which was made from the other. It makes \
+                 the fact no surer; `check` and `models check` say which of stop, forward and setpoint have one.",
+            ),
         ],
     },
     Section {
@@ -50,6 +56,11 @@ pub(super) const FILE: &[Section] = &[
                 "NAME.of",
                 "this model",
                 "The models that it is about, this one by its `id`. What it says of others is `sibling` here.",
+            ),
+            (
+                "NAME.made_from",
+                "not known",
+                "The short name of the document that it was made from: the two are no two sources.",
             ),
         ],
     },

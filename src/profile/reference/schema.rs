@@ -10,7 +10,7 @@ use std::path::Path;
 const OTHER_FORMS: &str = "[documents]\n[[trip]]\nbit = 3\n[[warning]]\nbit = 3\n";
 
 /// Keys that every fact has.
-const OF_FACTS: [&str; 2] = ["confidence", "source"];
+const OF_FACTS: [&str; 3] = ["confidence", "source", "also"];
 
 /// What is valid under a key.
 #[derive(Clone, Debug)]

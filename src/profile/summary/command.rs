@@ -74,7 +74,8 @@ fn zero(run: &RunCommand) -> Vec<Row> {
 /// The actions that require acceptance in the configuration.
 pub(super) fn unproven_actions(model: &Model, run: &RunCommand) -> Vec<Row> {
     let basic = model.unproven_basics().into_iter().map(|it| {
-        let source = format!("{}: {}", it.what, it.source);
+        let also = it.also.map(|also| format!("; also {also}")).unwrap_or_default();
+        let source = format!("{}: {}{also}", it.what, it.source);
         vec![ControlAction::Basic.word().to_owned(), it.confidence.word().to_owned(), source]
     });
     let unproven = run

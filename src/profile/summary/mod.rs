@@ -14,9 +14,15 @@ fn documents(model: &Model) -> Vec<Row> {
         let of = if document.is_of(&model.id) { "this model".to_owned() } else { list(&document.of) };
         let kind = document.kind.word().to_owned();
         let best = document.best(&model.id).word();
-        vec![document.name.clone(), kind, of, format!("at best {best}"), document.title.clone()]
+        let from = document.made_from.as_ref().map(|from| format!(" (made from {from})")).unwrap_or_default();
+        vec![document.name.clone(), kind, of, format!("at best {best}"), format!("{}{from}", document.title)]
     };
     model.documents.iter().map(row).collect()
+}
+
+/// Second sources of facts.
+fn second_sources(model: &Model) -> Vec<Row> {
+    model.second_sources.iter().map(|second| vec![second.key.clone(), second.source.clone()]).collect()
 }
 
 /// The facts about `model`, as plain text that ends with a newline.
@@ -24,6 +30,7 @@ fn documents(model: &Model) -> Vec<Row> {
 pub fn summary(model: &Model) -> String {
     let mut text = format!("{}: {} {}\n", model.id, model.vendor, model.title);
     section(&mut text, "Documents", documents(model));
+    section(&mut text, "Facts with a second, independent source", second_sources(model));
     section(&mut text, "Link", line::link(&model.link));
     section(&mut text, "Timing", line::timing(&model.timing));
     section(&mut text, "Reads and writes", line::reads_and_writes(model));
