@@ -87,6 +87,8 @@ mod noisy_line;
 mod old_value_or_exception;
 #[path = "scenarios/ownership.rs"]
 mod ownership;
+#[path = "scenarios/pauses.rs"]
+mod pauses;
 #[path = "scenarios/polls.rs"]
 mod polls;
 #[path = "scenarios/port_comes_and_goes.rs"]

@@ -7,7 +7,7 @@ use super::log::complain;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{
-    BEHIND_A_BRIDGE, Config, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress,
+    BEHIND_A_BRIDGE, Config, DriveSettings, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress,
     SparkplugSettings, line_plan,
 };
 use crate::domain::command::Rights;
@@ -199,6 +199,18 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
     let StopBounds { all_healthy, one_silent, each_further } = line_plan::stop_bounds(line);
     writeln!(text, "  a stop starts at most {} after it is accepted while every drive answers,", ms(all_healthy))?;
     writeln!(text, "  and at most {} after it with a drive that does not", ms(one_silent))?;
+    let deaf = |drive: &DriveSettings| {
+        let deaf = drive.control.as_ref().map(|_| drive.model.longest_deafness())?;
+        (deaf > Duration::ZERO).then(|| format!("{} for {}", drive.name, ms(deaf)))
+    };
+    let deaf: Vec<_> = line.drives.iter().filter_map(deaf).collect();
+    if !deaf.is_empty() {
+        writeln!(
+            text,
+            "  a drive that hears nothing after a write gets it again as soon as it can hear: {}",
+            list(deaf)
+        )?;
+    }
     let costs = line_plan::missing_reply_costs(line);
     writeln!(text, "  its confirmation takes at most {} longer if a reply is missing or damaged", ms(costs))?;
     if line.drives.len() > 1 {
@@ -254,6 +266,28 @@ mod tests {
             std::fs::write(&path, &found).unwrap();
         }
         assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{path}");
+    }
+
+    #[test]
+    fn a_drive_that_a_stop_does_not_reach_at_once_is_named() {
+        let text = include_str!("../../tests/golden/models/exchange.toml");
+        let control = "[line.drive.control]\nfrom = [\"modbus-tcp\"]\nfrequency_hz = { min = 5.0, max = 50.0 }\n\
+                       lost_after = \"10s\"\non_commander_lost = \"stop\"\non_shutdown = \"stop\"\n\
+                       [[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\nwrite = [\"127.0.0.1/32\"]\n";
+        let line = "[[line]]\nname = \"hall\"\nport = \"/dev/ttyUSB0\"\n\
+                    [[line.drive]]\nname = \"pump\"\nmodel = \"acme-exchange\"\nstation = 1\n";
+        let told = |model: &str| {
+            let catalog = Catalog::from_texts([("exchange.toml", model)]).unwrap();
+            super::report(&config::load(&format!("{line}{control}"), &catalog).unwrap())
+        };
+        let found = told(text);
+        let deaf =
+            "  a drive that hears nothing after a write gets it again as soon as it can hear: pump for 1000 ms\n";
+        assert!(found.contains(deaf), "{found}");
+        // A stored write with an assumed processing time of 10 ms, and the pause after it.
+        let starts = "  a stop starts at most 230 ms after it is accepted while every drive answers,\n";
+        assert!(found.contains(starts), "{found}");
+        assert!(!told(&text.replace("deaf_after = \"1s\"", "")).contains("hears nothing"));
     }
 
     #[test]

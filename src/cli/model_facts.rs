@@ -135,6 +135,8 @@ impl Unproven {
         self.add_some("longest processing", timing.processing_max.as_ref());
         self.add_some("longest processing of a stored write", timing.stored_write_max.as_ref());
         self.add_some("longest delay of replies", timing.reply_delay_max.as_ref());
+        self.add_some("pause after a write", timing.pause_after_write.as_ref());
+        self.add_some("pause after a stored write", timing.pause_after_stored_write.as_ref());
         self.add_some("bits of a character of replies", timing.reply_char_bits.as_ref());
         self.add("latest reply after a time-out", &timing.max_lateness);
     }

@@ -36,6 +36,10 @@ impl LineCore {
         }
         let mut frame = Vec::with_capacity(16);
         self.wire.broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
+        let end = now + self.timing.on_wire(frame.len());
+        for drive in self.drives.iter_mut() {
+            drive.station.pause_until(end + drive.setup.model.timing.pause_after(false));
+        }
         self.counters.requests += 1;
         self.counters.broadcasts += 1;
         self.transmit(now, frame, Why::Stop);

@@ -162,7 +162,7 @@ impl LineCore {
     fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
         let mut best: Option<(Urgency, DriveIndex, Want)> = None;
         for drive in self.drives.iter() {
-            let is_silent = drive.station.is_known_silent();
+            let is_silent = drive.station.is_known_silent() || now < drive.station.rests_until();
             let rests = !drive.work.is_moving();
             for want in drive.work.wants() {
                 if want.rank > last_rank || now < drive.wanted_from(&want) || self.needs_probe(&want) {
@@ -243,11 +243,11 @@ impl LineCore {
         }
         let wants = self.drives.iter().flat_map(|drive| {
             drive.work.wants().map(move |want| match want.rank {
-                Rank::FirstStop | Rank::RepeatedStop => want.at,
+                Rank::FirstStop | Rank::RepeatedStop => want.at.max(drive.station.pauses_until()),
                 Rank::Look => {
                     let unmistakable = drive.station.unmistakable_at(&want.request);
                     let free_at = unmistakable.min(self.free_at(drive, &want.request));
-                    want.at.max(free_at).max(drive.station.rests_until())
+                    want.at.max(free_at).max(drive.station.rests_until()).max(drive.station.pauses_until())
                 }
                 rank if drive.is_withheld(rank) => MonoTime::NEVER,
                 _ => want.at.max(self.free_at(drive, &want.request)),

@@ -98,9 +98,13 @@ impl DriveOnLine {
     pub(super) fn wanted_from(&self, want: &Want) -> MonoTime {
         let station = &self.station;
         match want.rank {
-            Rank::FirstStop | Rank::RepeatedStop => want.at,
+            Rank::FirstStop | Rank::RepeatedStop => want.at.max(station.pauses_until()),
             // A read-back has a rhythm of its own: a stop waits for it.
-            Rank::Look => want.at.max(station.rests_until()).max(station.unmistakable_at(&want.request)),
+            Rank::Look => want
+                .at
+                .max(station.rests_until())
+                .max(station.pauses_until())
+                .max(station.unmistakable_at(&want.request)),
             rank if self.is_withheld(rank) => MonoTime::NEVER,
             Rank::Step | Rank::Trip | Rank::Start => {
                 want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
@@ -161,6 +165,23 @@ impl DriveOnLine {
         let (reply, longer) = self.setup.reply_time(request, line);
         let due = request_end + self.full_wait(request, line) + (reply - longer);
         now.max(due) + self.station.lateness(self.setup.max_lateness)
+    }
+
+    /// A write was sent and has ended with `ending`: the drive may need a pause, or hear nothing for a while.
+    pub(super) fn was_written(&mut self, now: MonoTime, request: &Request, ending: &Ending) {
+        let model = &self.setup.model;
+        let class = Class::of(request, model);
+        if class == Class::Read {
+            return;
+        }
+        self.station.pause_until(now + model.timing.pause_after(class == Class::StoredWrite));
+        let deaf = request.written().filter_map(|address| model.deaf_after(address)).max();
+        // Without a reply it may have been taken.
+        let is_refused = matches!(ending, Ending::Exception(_));
+        if let Some(deaf) = deaf.filter(|_| !is_refused) {
+            self.station.rest_until(now + deaf);
+            self.work.is_deaf_until(now + deaf);
+        }
     }
 
     /// Lets the plan learn which registers the drive answers for.

@@ -56,6 +56,7 @@ impl LineCore {
             }
             Some(fault) => self.drives[drive].was_not_answered(now, fault, missing),
         }
+        self.drives[drive].was_written(now, &exchange.request, &ending);
         if !proves_nothing {
             self.drives[drive].tell_plan(now, &exchange.request, &ending);
         }

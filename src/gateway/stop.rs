@@ -229,11 +229,12 @@ impl StopLatch {
         self.was_told_late
     }
 
-    /// Its frame is sent at `now`.
-    pub fn was_sent(&mut self, now: MonoTime) {
+    /// Its frame is sent at `now`, and again as soon as the drive `hears_from`.
+    pub fn was_sent(&mut self, now: MonoTime, hears_from: MonoTime) {
         let doublings = self.sent.min(8);
         self.sent = self.sent.saturating_add(1);
-        self.send_at = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
+        let repeat = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
+        self.send_at = if now < hears_from { repeat.min(hears_from) } else { repeat };
         self.is_unanswered = false;
         self.look_at = MonoTime::NEVER;
     }

@@ -126,7 +126,9 @@ fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
 pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> StopBounds {
     let stations: Vec<_> = stations.into_iter().collect();
     // A stop that is accepted right after a broadcast stop waits until the drives have carried that out.
-    let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, BROADCAST_TURNAROUND, 0);
+    let pauses = stations.iter().map(|it| pause_after(it.model, Class::Write));
+    let left_alone = pauses.fold(BROADCAST_TURNAROUND, Duration::max);
+    let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, left_alone, 0);
     let least = if may_stop_at_once(&stations) { after_broadcast } else { Duration::ZERO };
     let mut bounds = StopBounds { all_healthy: least, one_silent: least, each_further: Duration::ZERO };
     for station in &stations {
@@ -136,12 +138,14 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
             let timeout = station.timeouts.of(class);
             // The current exchange ends with its reply, and the silence after that is the one before the stop.
             let in_time = exchange_time(timing, request, healthy.min(timeout) + longer, reply);
+            // The drive that was written to may be the one to be stopped.
+            let pause = pause_after(station.model, class);
             // A reply may begin at the last moment, and is then received to its end.
             let silent = exchange_time(timing, request, timeout + longer, reply)
                 + timing.on_wire(timing.adu_bytes(reply))
                 + timing.silence;
-            bounds.all_healthy = bounds.all_healthy.max(in_time);
-            bounds.one_silent = bounds.one_silent.max(silent);
+            bounds.all_healthy = bounds.all_healthy.max(in_time + pause);
+            bounds.one_silent = bounds.one_silent.max(silent + pause);
             if class == Class::Write {
                 bounds.each_further = bounds.each_further.max(in_time);
             }
@@ -176,13 +180,14 @@ fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
 }
 
 /// The longest time between two frames to a station that answers, if everything goes wrong once: a reply is missing
-/// and waited out, the station is left alone, the next request is not answered either, and stops for others go first.
+/// and waited out, the station is left alone, the next request is not answered either, stops for others go first, and
+/// it is deaf after a write.
 #[must_use]
 pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>, stop: &StopBounds) -> Duration {
     let wait = station.timeouts.read;
     let is_waited_out = if station.model.barriers.is_empty() { station.max_lateness } else { Duration::ZERO };
     let retry = read_time(timing, station.model.read.max_words.value, wait);
-    age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent
+    age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent + station.model.longest_deafness()
 }
 
 /// The longest time between two frames to the station at `place` of `stations`, while it answers and every possible
@@ -212,6 +217,15 @@ fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ 
     });
     let reads = [reply_bytes(model.read.max_words.value), SHORT_PDU_BYTES];
     writes.chain(reads.into_iter().map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)))
+}
+
+/// How long a drive of `model` is left alone after a request of `class`.
+fn pause_after(model: &Model, class: Class) -> Duration {
+    match class {
+        Class::Read => Duration::ZERO,
+        Class::Write => model.timing.pause_after(false),
+        Class::StoredWrite => model.timing.pause_after(true),
+    }
 }
 
 /// By how much a reply with a PDU of `pdu_bytes` takes longer because the drive sends longer characters.
@@ -337,6 +351,16 @@ mod tests {
         let slow = bounds(&[slow]);
         assert_near(slow.all_healthy, chars(8 + 8, 1, 90));
         assert_near(slow.each_further, chars(8 + 8, 1, 70));
+        let patient = model(|model| {
+            model.read.max_words.value = 1;
+            model.timing.pause_after_write = Some(fact(Duration::from_millis(20)));
+            model.timing.pause_after_stored_write = Some(fact(Duration::from_millis(70)));
+        });
+        let patient = bounds(&[patient]);
+        assert_near(patient.all_healthy, chars(8 + 8, 1, 10 + 70));
+        assert_near(patient.one_silent, chars(8 + 8 + 8, 2, 100 + 70));
+        // Another drive that is stopped at the same time does not wait for it.
+        assert_near(patient.each_further, chars(8 + 8, 1, 10));
         let storing = with_words(8);
         let timeouts = ReplyTimeouts { stored_write: Duration::from_millis(300), ..station(&storing).timeouts };
         let storing = PlannedStation { timeouts, ..station(&storing) };

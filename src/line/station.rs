@@ -5,8 +5,7 @@ use crate::profile::model::{Model, RefusedWrite};
 use crate::wire::pdu::{Request, function};
 use std::time::Duration;
 
-/// Maximum number of missing replies remembered for one station. When it is reached, no more requests are sent to it
-/// until the oldest reply can no longer arrive.
+/// Maximum number of missing replies remembered for one station; it is not asked again before the oldest is over.
 pub const MISSING_MAX: usize = 8;
 /// Consecutive silences after which a station counts as known to be silent.
 pub const KNOWN_SILENT_AFTER: u32 = 2;
@@ -26,8 +25,7 @@ pub const QUIET_LEAST: Duration = Duration::from_millis(100);
 pub const QUIET_MAX: Duration = Duration::from_secs(30);
 /// Consecutive exchanges without such a frame after which no silence is required any more.
 pub const QUIET_EXCHANGES: u8 = 8;
-/// How long a reply that did not arrive within the maximum lateness is remembered, so that it is recognised if it
-/// arrives after all.
+/// How long a reply beyond the maximum lateness is remembered, so that it is recognised if it arrives after all.
 pub const EXPIRED_FOR: Duration = Duration::from_secs(30);
 /// In how many exchanges with noise before the reply, among how many exchanges, a silence is inserted to see whether
 /// another reply follows.
@@ -88,6 +86,8 @@ pub struct StationState {
     may_be_deaf_until: MonoTime,
     /// Until then it is known to be deaf.
     rests_until: MonoTime,
+    /// Until then it is busy with a write.
+    pauses_until: MonoTime,
 }
 
 impl StationState {
@@ -113,6 +113,7 @@ impl StationState {
             ask_again_at: MonoTime::ZERO,
             may_be_deaf_until: MonoTime::ZERO,
             rests_until: MonoTime::ZERO,
+            pauses_until: MonoTime::ZERO,
         }
     }
 
@@ -164,10 +165,21 @@ impl StationState {
         self.rests_until
     }
 
-    /// From when requests may be sent to it, considering silence and deafness.
+    /// Before this moment nothing is sent to it, not even a stop: it needs a pause after a write.
+    #[must_use]
+    pub const fn pauses_until(&self) -> MonoTime {
+        self.pauses_until
+    }
+
+    /// It needs a pause until `moment`.
+    pub fn pause_until(&mut self, moment: MonoTime) {
+        self.pauses_until = self.pauses_until.max(moment);
+    }
+
+    /// From when requests may be sent to it, considering silence, deafness and pauses.
     #[must_use]
     pub fn may_be_asked_from(&self) -> MonoTime {
-        self.ask_again_at.max(self.rests_until)
+        self.ask_again_at.max(self.rests_until).max(self.pauses_until)
     }
 
     /// It may have been sent a request before this state was created; the reply can arrive until `moment`.

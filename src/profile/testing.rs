@@ -78,6 +78,18 @@ pub(super) fn told(problems: &[Problem], text: &str) -> String {
     lines.collect()
 }
 
+/// A sound model whose drive has rules of its own for the exchange of frames.
+pub(super) const EXCHANGE: &str = include_str!("../../tests/golden/models/exchange.toml");
+
+/// Asserts that each replacement in [`EXCHANGE`] is reported, with place, mistake and what would be right.
+pub(super) fn each_mistake_is_told(changes: &[(&str, &str, &str)]) {
+    check::model(EXCHANGE).unwrap();
+    for (from, to, expected) in changes {
+        let found = told_with(EXCHANGE, from, to).replace("\n    right: ", " -> ");
+        assert!(found.contains(expected), "{from} -> {to}: {found}");
+    }
+}
+
 /// The problems reported after replacing `from` with `to` in the sound `model`.
 pub(super) fn told_with(model: &str, from: &str, to: &str) -> String {
     assert!(model.contains(from), "{from}");

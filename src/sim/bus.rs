@@ -3,6 +3,7 @@
 use super::drive::SimDrive;
 use super::fault::{Fate, FaultPlan, Faults};
 use super::incoming::{Incoming, least_silence, silence_for};
+use super::node::Node;
 use super::outbox::{Delivery, Outbox};
 use super::report::BusReport;
 use crate::domain::ids::Station;
@@ -86,18 +87,6 @@ pub struct SimBus {
     echoes: bool,
 }
 
-/// A drive on the bus.
-#[derive(Debug)]
-struct Node {
-    station: Station,
-    drive: SimDrive,
-    exchanges: u64,
-    /// End of its last transmission.
-    busy_until: MonoTime,
-    /// End of its last transmission that is not on time.
-    late_until: MonoTime,
-}
-
 impl SimBus {
     /// An empty bus. The same `seed` gives the same faults.
     #[must_use]
@@ -132,7 +121,7 @@ impl SimBus {
         self.nodes.retain(|node| node.station != station);
         self.outbox.silence(MonoTime::ZERO, station);
         self.faults.connect(station.0);
-        self.nodes.push(Node { station, drive, exchanges: 0, busy_until: MonoTime::ZERO, late_until: MonoTime::ZERO });
+        self.nodes.push(Node::new(station, drive));
     }
 
     /// The stations on the bus, in the order in which they were connected.
@@ -328,6 +317,10 @@ impl SimBus {
             self.report.requests_ignored += 1;
             return;
         }
+        if !node.takes(end.before(self.outbox.time(request.len())), end, pdu) {
+            self.report.requests_too_soon += 1;
+            return;
+        }
         let mut frame = self.outbox.buffer();
         let mut answered = false;
         framing::encode(self.options.framing, &mut frame, node.station.0, |out| {
@@ -365,10 +358,7 @@ impl SimBus {
         let twin = self.faults.twin().map(|behind| (behind, frame.clone()));
         let node = &mut self.nodes[place];
         let start = wanted.max(node.busy_until);
-        node.busy_until = start + length;
-        if start > right_time {
-            node.late_until = node.busy_until;
-        }
+        node.transmits(start + length, start > right_time);
         self.report.replies_sent += 1;
         self.report.replies_late += u64::from(is_late);
         let station = node.station;

@@ -7,6 +7,7 @@
 //! | [`drive`] | one drive, from the same model file that the gateway reads: PDUs in, PDUs out |
 //! | [`options`] | properties of a drive that the model does not state |
 //! | `incoming` | the master's bytes, until they form a request |
+//! | `node` | a drive on the bus: when it transmits, and its pauses |
 //! | `outbox` | pending transmissions of the drives, and their collisions |
 //! | [`fault`] | seeded faults of replies |
 //! | [`report`] | counters of an observer on the wire |
@@ -26,6 +27,7 @@ pub mod drive;
 pub mod fault;
 mod incoming;
 pub mod motor;
+mod node;
 pub mod options;
 mod outbox;
 #[cfg(test)]

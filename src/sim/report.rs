@@ -26,6 +26,8 @@ pub struct BusReport {
     pub replies_late: u64,
     /// Requests that a drive ignored because it still had a late reply to send.
     pub requests_ignored: u64,
+    /// Requests that a drive ignored because it needed a pause after a write.
+    pub requests_too_soon: u64,
     /// Bursts that a fault put on the wire.
     pub bursts: u64,
     /// The shortest silence before a request.

@@ -126,6 +126,16 @@ impl Request {
         }
     }
 
+    /// The addresses that it writes; none if it is a read or a test.
+    pub fn written(&self) -> impl Iterator<Item = Address> + use<> {
+        let (first, count) = match self {
+            Self::WriteSingle { address, .. } => (*address, 1),
+            Self::WriteMultiple { address, values } => (*address, values.len()),
+            Self::Read { .. } | Self::Loopback { .. } | Self::Unserved { .. } => (Address::default(), 0),
+        };
+        first.onwards().take(count)
+    }
+
     /// Length of the valid reply's PDU in bytes.
     #[must_use]
     pub const fn reply_pdu_bytes(&self) -> usize {

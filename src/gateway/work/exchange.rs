@@ -42,7 +42,7 @@ impl DriveWork {
         match rank {
             Rank::FirstStop | Rank::RepeatedStop => {
                 if let Some(latch) = &mut self.latch {
-                    latch.was_sent(now);
+                    latch.was_sent(now, self.deaf_until);
                 }
             }
             Rank::Step | Rank::Start => {

@@ -102,6 +102,8 @@ pub struct DriveWork {
     looks: Vec<(Address, u16)>,
     /// Up to this moment the drive hears nothing; taken by the line.
     rest_until: Option<MonoTime>,
+    /// Up to this moment a stop may not be heard.
+    deaf_until: MonoTime,
     /// The last order given here was a stop, and since then the motor has neither been seen at standstill nor turning in
     /// a way that the ramp of that stop does not explain.
     is_stopping: bool,
@@ -162,6 +164,7 @@ impl DriveWork {
             watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
             looks: looks(model),
             rest_until: None,
+            deaf_until: MonoTime::ZERO,
             is_stopping: false,
             reset_stands: false,
             said_reset: false,
@@ -232,6 +235,11 @@ impl DriveWork {
     /// Until when the drive ignores requests, if that has just begun.
     pub const fn take_rest(&mut self) -> Option<MonoTime> {
         self.rest_until.take()
+    }
+
+    /// The drive hears nothing until `moment`: a stop that is sent before is sent again then.
+    pub fn is_deaf_until(&mut self, moment: MonoTime) {
+        self.deaf_until = self.deaf_until.max(moment);
     }
 
     /// Whether a stop waits that has never been sent.

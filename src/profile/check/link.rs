@@ -1,7 +1,7 @@
 //! The rules between the keys of `[link]`.
 
 use crate::domain::problem::Problem;
-use crate::profile::file::{FactFile, LinkFile};
+use crate::profile::file::{FactFile, LinkFile, TimingFile};
 use crate::toml_file::{RequiredKey, Spanned};
 
 pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
@@ -16,6 +16,19 @@ fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
     one_of(&default.data_bits, &link.data_bits, "data_bits", problems);
     one_of(&default.parity, &link.parities, "parities", problems);
     one_of(&default.stop_bits, &link.stop_bits, "stop_bits", problems);
+}
+
+/// The pause after a stored write is the longer one.
+pub(super) fn pauses_fit(timing: &TimingFile, problems: &mut Vec<Problem>) {
+    let value = |fact: &Option<FactFile<_>>| fact.as_ref().and_then(|fact| fact.value.clone());
+    let (Some(pause), Some(stored)) = (value(&timing.pause_after_write), value(&timing.pause_after_stored_write))
+    else {
+        return;
+    };
+    if stored.value <= pause.value {
+        let what = "is no longer than `pause_after_write`, which applies to every write";
+        problems.push(stored.location.problem(what).right("a longer time, or leave it out"));
+    }
 }
 
 fn one_of<T: PartialEq>(value: &RequiredKey<T>, allowed: &FactFile<Vec<T>>, name: &str, problems: &mut Vec<Problem>) {
@@ -45,7 +58,24 @@ fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
 
 #[cfg(test)]
 mod tests {
-    use crate::profile::testing::each_is_told;
+    use crate::profile::testing::{each_is_told, each_mistake_is_told};
+
+    #[test]
+    fn a_stored_write_takes_longer_than_another() {
+        each_mistake_is_told(&[
+            (
+                "pause_after_stored_write = { value = \"200ms\"",
+                "pause_after_stored_write = { value = \"50ms\"",
+                "timing.pause_after_stored_write.value: is no longer than `pause_after_write`, which applies to every write -> \
+                 a longer time, or leave it out",
+            ),
+            (
+                "pause_after_write = { value = \"50ms\"",
+                "pause_after_write = { value = \"1500ms\"",
+                "timing.pause_after_write.value: 1500ms is out of range -> a time from \"1ms\" to \"1s\"",
+            ),
+        ]);
+    }
 
     #[test]
     fn stations_and_defaults_are_apart_and_allowed() {

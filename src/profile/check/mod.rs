@@ -52,6 +52,9 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let Some(link) = &file.link {
         link::check(link, problems);
     }
+    if let Some(timing) = &file.timing {
+        link::pauses_fit(timing, problems);
+    }
     exchange::check(file, problems);
     registers::check(file, problems);
     values::check(file, problems);

@@ -16,6 +16,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for role in [Role::RunCommand, Role::FrequencyCommand] {
         takes_commands(role, &file.registers, problems);
     }
+    deafness_is_bearable(&file.registers, problems);
     if let Some(rule) = file.codes.valid().and_then(|codes| codes.value.ready()) {
         codes_fit(&rule, &file.registers, problems);
     }
@@ -43,6 +44,21 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
         if let OptionalKey::Valid(Spanned { location, .. }) = &register.back_door {
             let problem = location.problem("a command register cannot be a back door");
             problems.push(problem.right("leave it out"));
+        }
+    }
+}
+
+/// A drive may be deaf after a write of a parameter only: after an order it could not be stopped.
+fn deafness_is_bearable(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    for register in registers {
+        let Some(deaf) = register.deaf_after.valid() else { continue };
+        if register.access.as_ref().is_some_and(|access| !access.value.can_write()) {
+            let problem = deaf.location.problem("the register cannot be written");
+            problems.push(problem.right("leave it out, or use access \"write\" or \"read-write\""));
+        }
+        if register.role.valid().is_some_and(|role| matches!(role.value, Role::RunCommand | Role::FrequencyCommand)) {
+            let problem = deaf.location.problem("a drive that is deaf after each order cannot be stopped");
+            problems.push(problem.right("leave it out; after a reset, the quirk `deaf_after_reset`"));
         }
     }
 }
@@ -78,7 +94,7 @@ fn is_known(register: &RegisterFile) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::profile::testing::{EVERYTHING, each_is_told, told_with};
+    use crate::profile::testing::{EVERYTHING, each_is_told, each_mistake_is_told, told_with};
 
     #[test]
     fn commands_are_written_to_registers_that_take_them() {
@@ -95,6 +111,29 @@ mod tests {
                  a range of writable registers only\n\
                  register[0].access: a command register must be writable -> \
                  \"write\" or \"read-write\"",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn a_drive_is_deaf_after_parameters_only() {
+        each_mistake_is_told(&[
+            (
+                "access = \"write\"\nrole = \"run-command\"",
+                "access = \"write\"\ndeaf_after = \"1s\"\nrole = \"run-command\"",
+                "register[0].deaf_after: a drive that is deaf after each order cannot be stopped -> \
+                 leave it out; after a reset, the quirk `deaf_after_reset`",
+            ),
+            (
+                "access = \"read\"\npoll = \"fast\"",
+                "access = \"read\"\ndeaf_after = \"1s\"\npoll = \"fast\"",
+                "register[2].deaf_after: the register cannot be written -> \
+                 leave it out, or use access \"write\" or \"read-write\"",
+            ),
+            (
+                "deaf_after = \"1s\"",
+                "deaf_after = \"11s\"",
+                "register[5].deaf_after: 11s is out of range -> a time from \"1ms\" to \"10s\"",
             ),
         ]);
     }

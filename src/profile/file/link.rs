@@ -9,6 +9,9 @@ use crate::toml_file::{Reader, RequiredKey};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
+/// The longest pause after a write: a stop waits for it. A drive that takes longer is deaf after some registers.
+const PAUSE_MAX: Duration = Duration::from_secs(1);
+
 /// Speeds that a file may state, in bit/s.
 const BAUDS: RangeInclusive<u32> = 300..=1_000_000;
 
@@ -134,12 +137,15 @@ pub(in crate::profile) struct TimingFile {
     stored_write_max: Option<FactFile<Duration>>,
     reply_delay_max: Option<FactFile<Duration>>,
     reply_char_bits: Option<FactFile<u8>>,
+    pub pause_after_write: Option<FactFile<Duration>>,
+    pub pause_after_stored_write: Option<FactFile<Duration>>,
     max_lateness: FactFile<Duration>,
 }
 
 impl TimingFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let time = time();
+        let pause = Kind::duration(Duration::from_millis(1)..=PAUSE_MAX);
         let timing = Self {
             gap_chars: facts.value(&mut reader, "gap_chars", &Kind::decimal(3.5..=100.0)),
             reply_timeout_cap: facts.value(&mut reader, "reply_timeout_cap", &time),
@@ -147,6 +153,8 @@ impl TimingFile {
             stored_write_max: facts.optional_value(&mut reader, "stored_write_max", &time),
             reply_delay_max: facts.optional_value(&mut reader, "reply_delay_max", &time),
             reply_char_bits: facts.optional_value(&mut reader, "reply_char_bits", &Kind::number(7..=13_u8)),
+            pause_after_write: facts.optional_value(&mut reader, "pause_after_write", &pause),
+            pause_after_stored_write: facts.optional_value(&mut reader, "pause_after_stored_write", &pause),
             max_lateness: facts.value(&mut reader, "max_lateness", &time),
         };
         reader.finish();
@@ -162,6 +170,8 @@ impl TimingFile {
             stored_write_max: optional(self.stored_write_max.as_ref())?,
             reply_delay_max: optional(self.reply_delay_max.as_ref())?,
             reply_char_bits: optional(self.reply_char_bits.as_ref())?,
+            pause_after_write: optional(self.pause_after_write.as_ref())?,
+            pause_after_stored_write: optional(self.pause_after_stored_write.as_ref())?,
             max_lateness: self.max_lateness.ready()?,
         })
     }

@@ -40,7 +40,7 @@ pub(super) struct ModelFile {
     documents: Option<DocumentsFile>,
     second: Vec<SecondSource>,
     pub link: Option<LinkFile>,
-    timing: Option<TimingFile>,
+    pub timing: Option<TimingFile>,
     pub functions: FactFile<Vec<u8>>,
     pub read: Option<ReadFile>,
     pub write: Option<WriteFile>,

@@ -52,6 +52,20 @@ pub struct Timing {
     pub reply_delay_max: Option<Fact<Duration>>,
     /// Bits per character of the drive's replies, if it sends more than it receives.
     pub reply_char_bits: Option<Fact<u8>>,
+    /// How long the drive is left alone after its reply to a write.
+    pub pause_after_write: Option<Fact<Duration>>,
+    /// The same after a write to a stored register, where that takes longer.
+    pub pause_after_stored_write: Option<Fact<Duration>>,
     /// How long after a time-out a late reply may still arrive.
     pub max_lateness: Fact<Duration>,
+}
+
+impl Timing {
+    /// How long the drive is left alone after a write, which went to a stored register if `is_stored`.
+    #[must_use]
+    pub fn pause_after(&self, is_stored: bool) -> Duration {
+        let stored = self.pause_after_stored_write.as_ref().filter(|_| is_stored);
+        let pauses = [self.pause_after_write.as_ref(), stored].into_iter().flatten();
+        pauses.map(|pause| pause.value).max().unwrap_or_default()
+    }
 }

@@ -28,6 +28,7 @@ pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
 use crate::domain::link::Framing;
+use std::time::Duration;
 
 /// How sure a fact is. A control action rests on a fact only as far as its confidence allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -215,6 +216,18 @@ impl Model {
             Some(memory) => memory == Memory::Stored,
             None => !register.role.is_some_and(Role::is_guarded),
         }
+    }
+
+    /// How long the drive hears nothing after a write of the register at `address`, or of its stored twin.
+    #[must_use]
+    pub fn deaf_after(&self, address: Address) -> Option<Duration> {
+        self.writable_at(address).or_else(|| self.stored_twin(address))?.deaf_after
+    }
+
+    /// The longest time for which the drive hears nothing after a write.
+    #[must_use]
+    pub fn longest_deafness(&self) -> Duration {
+        self.registers.iter().filter_map(|register| register.deaf_after).max().unwrap_or_default()
     }
 
     /// The register with `role`; the first one if there are several.

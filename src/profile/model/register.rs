@@ -4,6 +4,7 @@ use super::{Confidence, Form};
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
+use std::time::Duration;
 
 /// What the gateway uses a register for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -220,6 +221,8 @@ pub struct Register {
     pub back_door: Option<String>,
     /// Whether it affects communication: station, speed, character format or protocol.
     pub is_link: bool,
+    /// How long the drive hears nothing after a write of it.
+    pub deaf_after: Option<Duration>,
     /// Confidence of the row, except for the parts in `not_stated`.
     pub confidence: Confidence,
     /// Document and place.

@@ -19,6 +19,10 @@ use crate::toml_file::values::Kind;
 use crate::toml_file::words::UNITS;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
+use std::time::Duration;
+
+/// The longest time that a drive may be deaf after a write: it cannot be stopped meanwhile.
+const DEAF_MAX: Duration = Duration::from_secs(10);
 
 /// A register as written. Its invalid parts are already reported; its valid parts still take part in the
 /// cross-checks.
@@ -33,6 +37,7 @@ pub struct RegisterFile {
     pub(super) poll: OptionalKey<PollClass>,
     pub(super) back_door: OptionalKey<String>,
     is_link: OptionalKey<bool>,
+    pub(super) deaf_after: OptionalKey<Duration>,
     title: RequiredKey<String>,
     pub(super) scale: OptionalKey<Steps>,
     pub(super) signed: OptionalKey<bool>,
@@ -87,6 +92,7 @@ impl RegisterFile {
             meanings: self.meanings.clone(),
             back_door: self.back_door.clone().optional()?,
             is_link: self.is_link.or(false)?,
+            deaf_after: self.deaf_after.clone().optional()?,
             confidence,
             source,
             not_stated: match &self.not_stated {
@@ -119,6 +125,7 @@ impl RegisterFile {
             meanings: Vec::new(),
             back_door: OptionalKey::Absent,
             is_link: OptionalKey::Absent,
+            deaf_after: OptionalKey::Absent,
             origin: None,
             not_stated: OptionalKey::Absent,
         };
@@ -140,6 +147,7 @@ impl RegisterFile {
         register.meanings = meanings(&mut reader, "values");
         register.back_door = reader.optional("back_door", &Kind::text());
         register.is_link = reader.optional("link", &Kind::flag());
+        register.deaf_after = reader.optional("deaf_after", &Kind::duration(Duration::from_millis(1)..=DEAF_MAX));
         register.not_stated = reader.list("not_stated", &Kind::one_of(&PARTS));
         register.origin = origin;
         reader.finish();

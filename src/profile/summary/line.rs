@@ -39,6 +39,8 @@ pub(super) fn timing(timing: &Timing) -> Vec<Row> {
         ("longest processing", &timing.processing_max),
         ("longest processing of a stored write", &timing.stored_write_max),
         ("longest configurable reply delay", &timing.reply_delay_max),
+        ("pause after a write", &timing.pause_after_write),
+        ("pause after a stored write", &timing.pause_after_stored_write),
     ];
     rows.extend(optional.into_iter().filter_map(|(name, fact)| Some(time(name, fact.as_ref()?))));
     if let Some(bits) = &timing.reply_char_bits {

@@ -54,6 +54,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Codes", registers::codes(model.codes.as_ref()));
     section(&mut text, "Registers", registers::registers(&model.registers));
     section(&mut text, "Meanings of words", registers::meanings(&model.registers));
+    section(&mut text, "Registers after whose write the drive hears nothing", registers::deaf(&model.registers));
     section(&mut text, "Back doors, which no client may write", registers::back_doors(&model.registers));
     text
 }
@@ -62,7 +63,7 @@ pub fn summary(model: &Model) -> String {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::testing::{EVERYTHING, MODEL, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
+    use crate::profile::testing::{EVERYTHING, EXCHANGE, MODEL, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
 
     #[test]
     fn only_what_is_known_is_shown() {
@@ -94,6 +95,11 @@ mod tests {
         golden("zero-ignored.txt", &summary(&check::model(ZERO_IGNORED).unwrap()));
         golden("zero-nothing.txt", &summary(&check::model(ZERO_NOTHING).unwrap()));
         golden("zero-coast.txt", &summary(&check::model(ZERO_COAST).unwrap()));
+    }
+
+    #[test]
+    fn the_rules_of_an_exchange_are_shown() {
+        golden("exchange.txt", &summary(&check::model(EXCHANGE).unwrap()));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::domain::address::Address;
 use crate::profile::model::{CodeRule, CodeText, Model, Register, Role, Whole};
 use crate::profile::scale::Scaled;
 use crate::profile::words::{FLAGS, POLL_CLASSES};
+use crate::toml_file::values::duration_text;
 use crate::toml_file::words::word_for;
 use std::ops::RangeInclusive;
 
@@ -123,6 +124,11 @@ pub(super) fn meanings(registers: &[Register]) -> Vec<Row> {
 pub(super) fn back_doors(registers: &[Register]) -> Vec<Row> {
     let closed = |register: &Register| Some(vec![register.name.clone(), register.back_door.clone()?]);
     registers.iter().filter_map(closed).collect()
+}
+
+pub(super) fn deaf(registers: &[Register]) -> Vec<Row> {
+    let deaf = |register: &Register| Some(vec![register.name.clone(), duration_text(register.deaf_after?)]);
+    registers.iter().filter_map(deaf).collect()
 }
 
 pub(super) fn status(model: &Model) -> Vec<Row> {

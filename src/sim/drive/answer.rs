@@ -201,6 +201,9 @@ impl SimDrive {
             (_, Some(BackDoor::Limit)) if self.control.direction != 0 => return Err(Objection::NotNow),
             _ => {}
         }
+        if let Some(deaf) = self.model.registers[place.index].deaf_after {
+            self.deaf_until = self.deaf_until.max(at + deaf);
+        }
         self.take(place, value);
         self.follow_register(at, place.index);
         Ok(())

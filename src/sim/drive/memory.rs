@@ -6,6 +6,7 @@ use super::basis::first_basis;
 use super::command::has_priority;
 use crate::domain::address::Address;
 use crate::profile::model::{Access, Memory as Kind, Model, Register, Role, RunForm};
+use crate::wire::pdu::Request;
 use std::time::Duration;
 
 /// The words of the model's registers, in the model's order.
@@ -84,6 +85,17 @@ pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress>
     let index = index_of(model, address.at(number & !bit)).filter(|_| number & bit != 0)?;
     // Only parameters are stored: commands are written only, measurements are read only.
     (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, is_twin: true })
+}
+
+/// How long the drive of `model` needs a pause after a request with `pdu`, if that is a write.
+pub(super) fn pause_after(model: &Model, pdu: &[u8]) -> Duration {
+    let addresses = Request::decode(pdu).into_iter().flat_map(|request| request.written());
+    let stored = addresses.filter_map(|address| place_of(model, address)).map(|place| {
+        let register = &model.registers[place.index];
+        let is_order = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
+        place.is_twin || register.memory == Some(Kind::Stored) || (register.memory.is_none() && !is_order)
+    });
+    stored.map(|is_stored| model.timing.pause_after(is_stored)).max().unwrap_or_default()
 }
 
 /// Where the register at `address` stands in the model; the readable one if there are two.

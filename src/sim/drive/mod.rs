@@ -40,6 +40,7 @@ use crate::profile::model::{Model, Role};
 use control::{Control, RunClock};
 use memory::{Memory, MemoryAddress, index_of, time};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// One drive with its motor. Moments passed to it may be equal but never go back.
 ///
@@ -117,6 +118,12 @@ impl SimDrive {
     #[must_use]
     pub fn stored_writes(&self, address: Address) -> u64 {
         index_of(&self.model, address).map_or(0, |index| self.memory.stored_writes(index))
+    }
+
+    /// How long it needs a pause after a request with `pdu`.
+    #[must_use]
+    pub fn pause_after(&self, pdu: &[u8]) -> Duration {
+        memory::pause_after(&self.model, pdu)
     }
 
     /// Output frequency at `at` in microhertz, negative in reverse.
