@@ -69,6 +69,8 @@ mod field_faults;
 mod full_scale;
 #[path = "scenarios/gone_client.rs"]
 mod gone_client;
+#[path = "scenarios/holes.rs"]
+mod holes;
 #[path = "scenarios/interlocks.rs"]
 mod interlocks;
 #[path = "scenarios/kept.rs"]

@@ -65,6 +65,11 @@ impl Unproven {
         unproven.timing(&model.timing);
         unproven.add("functions", &model.functions);
         unproven.add("words in one read", &model.read.max_words);
+        unproven.add_some("longest frame", model.read.max_bytes.as_ref());
+        unproven.add_some("what holes show", model.read.holes.as_ref());
+        for area in &model.read.areas {
+            unproven.add(format!("words in one read from 0x{:04X} on", area.from), &area.max_words);
+        }
         unproven.add_some("words in one read in ASCII", model.read.max_words_ascii.as_ref());
         unproven.add("what a refused write looks like", &model.write.refused);
         unproven.add_some("writes of a block", model.write.block.as_ref().map(|block| &block.count));

@@ -186,7 +186,7 @@ fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
 pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>, stop: &StopBounds) -> Duration {
     let wait = station.timeouts.read;
     let is_waited_out = if station.model.barriers.is_empty() { station.max_lateness } else { Duration::ZERO };
-    let retry = read_time(timing, station.model.read.max_words.value, wait);
+    let retry = read_time(timing, station.model.read.longest(), wait);
     age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent + station.model.longest_deafness()
 }
 
@@ -215,7 +215,7 @@ fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ 
     let writes = writes.flat_map(|(request, reply)| {
         [Class::Write, Class::StoredWrite].into_iter().map(move |class| (class, request, reply))
     });
-    let reads = [reply_bytes(model.read.max_words.value), SHORT_PDU_BYTES];
+    let reads = [reply_bytes(model.read.longest()), SHORT_PDU_BYTES];
     writes.chain(reads.into_iter().map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)))
 }
 

@@ -1,8 +1,8 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
 use super::model::{
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Memory, NeededFor, PollClass, RefusedWrite,
-    Role, WordOrder, ZeroWord,
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Holes, Memory, NeededFor, PollClass,
+    RefusedWrite, Role, WordOrder, ZeroWord,
 };
 
 /// The table of an enumeration that defines its own words.
@@ -63,14 +63,8 @@ pub const BIT_MEANINGS: [(&str, BitMeaning); 18] = [
     ("other", BitMeaning::Other),
 ];
 
-/// What a run command of all zeros does.
-pub const ZERO_WORDS: [(&str, ZeroWord); 5] = [
-    ("stop", ZeroWord::Stop),
-    ("coast", ZeroWord::Coast),
-    ("nothing", ZeroWord::Nothing),
-    ("ignored", ZeroWord::Ignored),
-    ("release", ZeroWord::Release),
-];
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Holes, Memory, NeededFor, PollClass,
+    RefusedWrite, Role, WordOrder, ZeroWord,
 
 /// Boundaries that no read may cross.
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];

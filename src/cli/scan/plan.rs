@@ -240,7 +240,9 @@ fn is_holding(register: &&Register) -> bool {
 /// Few addresses, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked;
 /// of others nobody knows what they do about an address that they do not have.
 pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
-    let answers = |model: &Model, address| readable(model, address).is_some() || !model.exceptions.is_empty();
+    let answers = |model: &Model, address| {
+        readable(model, address).is_some() || !model.exceptions.is_empty() || model.read.reads_holes()
+    };
     let mut left: Vec<&Arc<Model>> = models.iter().collect();
     let mut probes = Vec::new();
     while !left.is_empty() {

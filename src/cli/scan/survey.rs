@@ -3,7 +3,7 @@
 
 use super::plan::{Plan, SILENCES_MAX, Setting, nowhere, readable, telling};
 use crate::cli::Failure;
-use crate::profile::model::Model;
+use crate::profile::model::{Holes, Model};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
@@ -188,10 +188,12 @@ async fn identify(setting: &Setting, station: u8, probe: u16, asker: &mut impl A
         if look.silences >= SILENCES_MAX {
             break;
         }
-        if !look.fits(model, all).await? {
+        let fit = look.fits(model, all).await?;
+        if fit == Fit::No {
             has_refused = true;
             continue;
         }
+        verdict.answers_anything |= fit == Fit::ProvesNothing;
         verdict.fits.push(Arc::clone(model));
         let told = telling(model, all);
         if verdict.fits.len() > 1 || verdict.answers_anything {
@@ -211,6 +213,15 @@ async fn identify(setting: &Setting, station: u8, probe: u16, asker: &mut impl A
     Ok(verdict)
 }
 
+/// How a drive's words fit a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fit {
+    No,
+    /// All of them are 0, as a drive of this model shows any address.
+    ProvesNothing,
+    Yes,
+}
+
 /// The reads from one station.
 struct Look<'a, A> {
     asker: &'a mut A,
@@ -223,15 +234,19 @@ struct Look<'a, A> {
 
 impl<A: Asker> Look<'_, A> {
     /// Whether all registers that distinguish `model` from the others exist, with words that they accept.
-    async fn fits(&mut self, model: &Model, all: &[Arc<Model>]) -> Result<bool, Failure> {
+    async fn fits(&mut self, model: &Model, all: &[Arc<Model>]) -> Result<Fit, Failure> {
+        let mut fit = if model.read.reads_holes() { Fit::ProvesNothing } else { Fit::Yes };
         for address in telling(model, all) {
             let heard = self.ask(address).await?;
-            let Heard::Word(word) = heard else { return Ok(false) };
+            let Heard::Word(word) = heard else { return Ok(Fit::No) };
             if readable(model, address).is_none_or(|register| !register.takes(word)) {
-                return Ok(false);
+                return Ok(Fit::No);
+            }
+            if word != 0 && model.read.holes.as_ref().is_some_and(|holes| holes.value == Holes::Zero) {
+                fit = Fit::Yes;
             }
         }
-        Ok(true)
+        Ok(fit)
     }
 
     /// Reads `address`, once. After a silence the station is asked for a known address, so that it does not count as

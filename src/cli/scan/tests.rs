@@ -192,6 +192,25 @@ fn an_unknown_line_is_known_within_five_minutes_whatever_hangs_there() {
 }
 
 #[test]
+fn a_zero_proves_nothing_where_holes_show_zero() {
+    let text = include_str!("../../../tests/golden/models/exchange.toml");
+    let mut of_zeros = crate::profile::check::model(text).unwrap();
+    of_zeros.registers.retain(|register| matches!(register.name.as_str(), "status" | "output_frequency"));
+    of_zeros.exceptions.clone_from(&model("teco-e510").exceptions);
+    let mut refusing = of_zeros.clone();
+    refusing.read.holes = None;
+    for (candidate, word) in [(refusing, "probable"), (of_zeros, "possible")] {
+        let candidate = Arc::new(candidate);
+        let all = [models(), vec![Arc::clone(&candidate)]].concat();
+        let plan = Plan::new(&all, vec![1], &ScanOptions::default());
+        let findings = played(&plan, &mut Simulated::new(&candidate, &[1], FaultPlan::default()));
+        let [drive] = &findings.drives[..] else { panic!("one drive: {findings:?}") };
+        assert!(drive.verdict.fits.iter().any(|fit| fit.id == candidate.id), "{word}");
+        assert_eq!(drive.verdict.word(), word);
+    }
+}
+
+#[test]
 fn nobody_answering_takes_what_was_said() {
     let plan = factory_plan("1-32");
     let mut line = Simulated::new(&model("hyundai-n700"), &[], FaultPlan::default());

@@ -135,9 +135,9 @@ fn covers(group: &PollGroup, address: Address, words: u16) -> bool {
 }
 
 /// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read. A
-/// number that does not exist spoils a whole read on some drives.
+/// number that does not exist spoils a whole read, unless the model says that holes can be read.
 pub(super) fn may_be_read_along(model: &Model, address: Address) -> bool {
-    model.readable_at(address).is_some_and(is_documented)
+    model.readable_at(address).is_some_and(is_documented) || model.is_readable_hole(address)
 }
 
 fn is_shown(model: &Model, group: &PollGroup) -> bool {

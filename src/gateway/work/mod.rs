@@ -389,7 +389,8 @@ fn looks(model: &Model) -> Vec<(Address, u16)> {
     let first = output.min(status);
     let last = output.saturating_add(words - 1).max(status);
     let count = last.offset_from(first).and_then(|offset| offset.checked_add(1)).unwrap_or(u16::MAX);
-    let all_known = || first.onwards().take(count.into()).all(|it| model.readable_at(it).is_some());
+    let is_known = |it| model.readable_at(it).is_some() || model.is_readable_hole(it);
+    let all_known = || first.onwards().take(count.into()).all(is_known);
     if count <= model.words_in_one_read(first) && all_known() {
         vec![(first, count)]
     } else {

@@ -12,6 +12,8 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     functions_suffice(file, problems);
     ascii_is_there(file, problems);
     block_is_writable(file, problems);
+    areas_are_apart(file, problems);
+    frames_are_short(file, problems);
     for barrier in &file.barriers {
         barrier_is_sound(barrier, file, problems);
     }
@@ -64,6 +66,44 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
         problems.push(problem.right("a range of writable registers only"));
     }
 }
+
+/// Areas of reads are ranges that do not overlap.
+fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let areas = file.read.iter().flat_map(|read| &read.areas);
+    let mut ranges: Vec<(u16, u16)> = Vec::new();
+    for area in areas {
+        let (Some(from), Some(to)) = (&area.from, &area.to) else { continue };
+        if from.value > to.value {
+            let problem = to.location.problem(format!("the area ends before it begins, at 0x{:04X}", from.value));
+            problems.push(problem.right("the last address of the area"));
+        } else if let Some((first, last)) =
+            ranges.iter().find(|(first, last)| *first <= to.value && from.value <= *last)
+        {
+            let problem = from.location.problem(format!("overlaps the area from 0x{first:04X} to 0x{last:04X}"));
+            problems.push(problem.right("areas without a common address"));
+        }
+        if file.quirks.valid().is_some_and(|quirks| quirks.value.decimal_numbers.is_some()) {
+            let problem = from.location.problem("the words of an area cannot be counted in decimal addresses");
+            problems.push(problem.right("no areas, or no `decimal_numbers`"));
+        }
+        ranges.push((from.value, to.value));
+    }
+}
+
+/// Writes fit into the longest frame.
+fn frames_are_short(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let most = file.read.as_ref().and_then(|read| read.max_bytes.as_ref()?.value.as_ref());
+    let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref()?.value.count.as_ref());
+    let (Some(most), Some(count)) = (most, block) else { return };
+    let words = (most.value - WRITE_BYTES) / 2;
+    if count.value > words {
+        let what = format!("a write of {} words is longer than `read.max_bytes`", count.value);
+        problems.push(count.location.problem(what).right(format!("at most {words}")));
+    }
+}
+
+/// Bytes of a write by function 10 hex that are not words.
+const WRITE_BYTES: u16 = 9;
 
 /// A barrier can be sent, and its reply cannot be mistaken for that to another request.
 fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -126,7 +166,7 @@ fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFi
 #[cfg(test)]
 mod tests {
     use crate::profile::check::model;
-    use crate::profile::testing::{EVERYTHING, MODEL, each_is_told, told_with};
+    use crate::profile::testing::{EVERYTHING, MODEL, each_is_told, each_mistake_is_told, told_with};
 
     #[test]
     fn functions_are_those_that_the_rest_needs() {
@@ -159,6 +199,48 @@ mod tests {
                 "link.broadcast.functions: function 05 hex is not in `functions` -> functions listed in `functions`",
             ),
         ]);
+    }
+
+    #[test]
+    fn areas_and_frames_are_such_as_can_be_read() {
+        let area = "[[read.area]]\nfrom = 0x0100\nto = 0x01FF\n";
+        let another = format!(
+            "[[read.area]]\nfrom = 0x01FF\nto = 0x02FF\nmax_words = 1\nconfidence = \"manual\"\nsource = \"IM 3\"\n\n{area}"
+        );
+        each_mistake_is_told(&[
+            (
+                area,
+                "[[read.area]]\nfrom = 0x0100\nto = 0x00FF\n",
+                "read.area[0].to: the area ends before it begins, at 0x0100 -> the last address of the area",
+            ),
+            (
+                area,
+                &another,
+                "read.area[1].from: overlaps the area from 0x01FF to 0x02FF -> areas without a common address",
+            ),
+            (
+                "[run]\n",
+                "[quirks]\ndecimal_numbers = { confidence = \"manual\", source = \"IM 3\" }\n\n[run]\n",
+                "read.area[0].from: the words of an area cannot be counted in decimal addresses -> \
+                 no areas, or no `decimal_numbers`",
+            ),
+            (
+                "holes = { value = \"zero\"",
+                "holes = { value = \"empty\"",
+                "read.holes.value: `empty` is not an allowed value -> one of \"refused\", \"zero\", \"read\"",
+            ),
+            (
+                "max_bytes = { value = 21",
+                "max_bytes = { value = 10",
+                "read.max_bytes.value: 10 is out of range -> a whole number from 11 to 256",
+            ),
+        ]);
+        let block = "block = { address = 0x2000, count = 2";
+        let narrow = "max_bytes = { value = 11, confidence = \"manual\", source = \"IM 3\" }\n\n[write]\n";
+        let found =
+            told_with(&EVERYTHING.replacen("[write]\n", narrow, 1), block, &block.replace("count = 2", "count = 3"));
+        let told = "write.block.count: a write of 3 words is longer than `read.max_bytes`\n    right: at most 1\n";
+        assert!(found.contains(told), "{found}");
     }
 
     #[test]

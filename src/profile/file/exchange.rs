@@ -1,12 +1,16 @@
 //! `[read]`, `[write]` and `[[barrier]]`: the limits of one exchange, and exchanges that rule out late replies.
 
-use super::facts::{FactFile, Facts, optional, whole};
+use super::facts::{FactFile, Facts, Origin, fact, optional, whole};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Barrier, BarrierRead, BlockWrite, Boundary, ReadLimits, RefusedWrite, WriteRules};
-use crate::profile::words::{BOUNDARIES, REFUSED_WRITES};
+use crate::profile::model::{
+    Barrier, BarrierRead, BlockWrite, Boundary, Fact, Holes, ReadArea, ReadLimits, RefusedWrite, WriteRules,
+};
+use crate::profile::words::{BOUNDARIES, HOLES, REFUSED_WRITES};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey};
 
+/// Maximum number of words in one read.
+const READ_WORDS_MAX: u16 = 125;
 /// Maximum number of registers in one write of function 10 hex.
 const BLOCK_WORDS_MAX: u16 = 123;
 
@@ -14,16 +18,22 @@ const BLOCK_WORDS_MAX: u16 = 123;
 pub(in crate::profile) struct ReadFile {
     pub max_words: FactFile<u16>,
     pub max_words_ascii: Option<FactFile<u16>>,
+    pub max_bytes: Option<FactFile<u16>>,
     boundary: OptionalKey<Boundary>,
+    holes: Option<FactFile<Holes>>,
+    pub areas: Vec<AreaFile>,
 }
 
 impl ReadFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let words = Kind::number(1..=125_u16);
+        let words = Kind::number(1..=READ_WORDS_MAX);
         let read = Self {
             max_words: facts.value(&mut reader, "max_words", &words),
             max_words_ascii: facts.optional_value(&mut reader, "max_words_ascii", &words),
+            max_bytes: facts.optional_value(&mut reader, "max_bytes", &Kind::number(LEAST_FRAME..=256_u16)),
             boundary: reader.optional("boundary", &Kind::one_of(&BOUNDARIES)),
+            holes: facts.optional_value(&mut reader, "holes", &Kind::one_of(&HOLES)),
+            areas: reader.tables("area").into_iter().map(|it| AreaFile::read(facts, reader.open(it))).collect(),
         };
         reader.finish();
         read
@@ -31,10 +41,66 @@ impl ReadFile {
 
     /// `None` if any part is unusable.
     pub fn ready(&self) -> Option<ReadLimits> {
+        let max_bytes = optional(self.max_bytes.as_ref())?;
+        // A frame that is too long is refused whatever it reads.
+        let fitting = max_bytes.as_ref().map(|bytes| Fact { value: words_in(bytes.value), ..bytes.clone() });
+        let within = |words: Fact<u16>| match &fitting {
+            Some(fitting) if fitting.value < words.value => fitting.clone(),
+            _ => words,
+        };
+        let mut areas = self.areas.iter().map(AreaFile::ready).collect::<Option<Vec<_>>>()?;
+        areas.sort_by_key(|area| area.from);
+        for area in &mut areas {
+            area.max_words = within(area.max_words.clone());
+        }
         Some(ReadLimits {
-            max_words: self.max_words.ready()?,
+            max_words: within(self.max_words.ready()?),
             max_words_ascii: optional(self.max_words_ascii.as_ref())?,
+            max_bytes,
             boundary: self.boundary.clone().optional()?,
+            holes: optional(self.holes.as_ref())?,
+            areas,
+        })
+    }
+}
+
+/// The shortest frame that a drive must take: a write of one word by function 10 hex.
+const LEAST_FRAME: u16 = 11;
+/// Bytes of a read's reply that are not words: station, function, count and check.
+const REPLY_BYTES: u16 = 5;
+
+/// The words in a reply of at most `bytes`.
+const fn words_in(bytes: u16) -> u16 {
+    let words = (bytes - REPLY_BYTES) / 2;
+    if words < READ_WORDS_MAX { words } else { READ_WORDS_MAX }
+}
+
+/// One of `[[read.area]]`
+pub(in crate::profile) struct AreaFile {
+    pub from: RequiredKey<u16>,
+    pub to: RequiredKey<u16>,
+    max_words: RequiredKey<u16>,
+    origin: Option<Origin>,
+}
+
+impl AreaFile {
+    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let area = Self {
+            from: reader.required("from", &Kind::address()),
+            to: reader.required("to", &Kind::address()),
+            max_words: reader.required("max_words", &Kind::number(1..=READ_WORDS_MAX)),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        area
+    }
+
+    /// `None` if any part is unusable.
+    fn ready(&self) -> Option<ReadArea> {
+        Some(ReadArea {
+            from: self.from.as_ref()?.value,
+            to: self.to.as_ref()?.value,
+            max_words: fact(self.max_words.as_ref()?.value, self.origin.as_ref())?,
         })
     }
 }

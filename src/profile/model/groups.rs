@@ -24,6 +24,8 @@ impl Model {
     pub fn groups(&self) -> Vec<Group> {
         match &self.codes {
             None | Some(CodeRule::Linear { .. }) => Vec::new(),
+            // Whatever is read there is shown: no answer says where a group ends.
+            Some(_) if self.read.reads_holes() => Vec::new(),
             Some(CodeRule::Groups { groups, .. }) => {
                 groups.iter().map(|(name, high)| Group { name: name.clone(), high: *high }).collect()
             }

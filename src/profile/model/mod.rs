@@ -8,6 +8,7 @@ mod form;
 mod groups;
 mod link;
 mod parameter;
+mod read;
 mod register;
 mod run_word;
 mod status;
@@ -21,6 +22,7 @@ pub use form::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use parameter::ParameterKind;
+pub use read::{Boundary, Holes, ReadArea, ReadLimits};
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
 pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
@@ -307,7 +309,13 @@ impl Model {
     /// How many words may be read from `address` in one frame before the model's limit or group boundary.
     #[must_use]
     pub fn words_in_one_read(&self, address: impl Into<Address>) -> u16 {
-        self.read.words_from(address.into().number())
+        self.read.words_at(address.into())
+    }
+
+    /// Whether `address` belongs to no register and a read may cover it all the same.
+    #[must_use]
+    pub fn is_readable_hole(&self, address: Address) -> bool {
+        self.read.reads_holes() && self.readable_at(address).is_none() && self.writable_at(address).is_none()
     }
 
     /// The address after `address`, in the drive's numbering.
@@ -328,36 +336,10 @@ impl Model {
         let mut model = self.clone();
         if let (Framing::Ascii, Some(words)) = (framing, &self.read.max_words_ascii) {
             model.read.max_words = words.clone();
+            for area in &mut model.read.areas {
+                area.max_words.value = area.max_words.value.min(words.value);
+            }
         }
         model
     }
-}
-
-/// Limits of reads.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ReadLimits {
-    /// Maximum number of words in one read. With 1, no read ever covers two registers.
-    pub max_words: Fact<u16>,
-    /// The same for ASCII frames, if the model supports them.
-    pub max_words_ascii: Option<Fact<u16>>,
-    /// A boundary that no read may cross.
-    pub boundary: Option<Boundary>,
-}
-
-impl ReadLimits {
-    /// How many words may be read from `address` in one frame.
-    pub(super) fn words_from(&self, address: u16) -> u16 {
-        let to_boundary = match self.boundary {
-            Some(Boundary::HighByte) => 0x100 - (address & 0xFF),
-            None => (u16::MAX - address).saturating_add(1),
-        };
-        self.max_words.value.min(to_boundary)
-    }
-}
-
-/// A boundary that no read may cross.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Boundary {
-    /// A change of the address's high byte, that is, of the parameter group.
-    HighByte,
 }

@@ -1,7 +1,7 @@
 //! The line sections of a summary: settings, timing, reads, writes, refusals.
 
 use super::layout::{Row, list, row};
-use crate::profile::model::{Barrier, Boundary, Fact, Link, Model, Quirks, ReadLimits, Timing};
+use crate::profile::model::{Barrier, Boundary, Fact, Holes, Link, Model, Quirks, ReadLimits, Timing};
 use crate::profile::words::REFUSED_WRITES;
 use crate::toml_file::values::duration_text;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
@@ -58,6 +58,21 @@ pub(super) fn reads_and_writes(model: &Model) -> Vec<Row> {
     ];
     if let Some(words) = &read.max_words_ascii {
         rows.push(row("the same in ASCII", up_to(words.value), words));
+    }
+    if let Some(bytes) = &read.max_bytes {
+        rows.push(row("longest frame", format!("{} bytes", bytes.value), bytes));
+    }
+    for area in &read.areas {
+        let what = format!("words in one read of 0x{:04X} to 0x{:04X}", area.from, area.to);
+        rows.push(row(&what, up_to(area.max_words.value), &area.max_words));
+    }
+    if let Some(holes) = &read.holes {
+        let value = match holes.value {
+            Holes::Refused => "refuse a read",
+            Holes::Zero => "read as 0: an answer proves nothing",
+            Holes::Read => "can be read: an answer proves nothing",
+        };
+        rows.push(row("addresses without a register", value, holes));
     }
     rows.push(row("a refused write", word_for(&REFUSED_WRITES, &write.refused.value), &write.refused));
     if let Some(block) = &write.block {

@@ -6,7 +6,7 @@ use super::denied::{Denied, Objection};
 use super::memory::{MemoryAddress, following, index_of, place_of};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BlockWrite, RefusedWrite, Role};
+use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Role};
 use crate::sim::options::BadRequest;
 use crate::wire::pdu::{self, Request, function};
 
@@ -108,12 +108,21 @@ impl SimDrive {
         let words = &mut words[..usize::from(count)];
         let mut next = Some(first);
         for word in words.iter_mut() {
-            let readable = next.and_then(|address| self.readable(at, address, exchange));
+            let readable = next.and_then(|address| self.readable(at, address, exchange).or_else(|| self.hole(address)));
             *word = readable.ok_or(Denied::Request(Objection::Address))?;
             next = next.and_then(|address| following(address, is_decimal));
         }
         pdu::encode_read_reply(out, first.table(), words);
         Ok(())
+    }
+
+    /// What a read shows of an address without a register; nothing if it is refused.
+    fn hole(&self, address: Address) -> Option<u16> {
+        match self.model.read.holes.as_ref()?.value {
+            Holes::Refused => None,
+            Holes::Zero => Some(0),
+            Holes::Read => Some(address.number()),
+        }
     }
 
     /// The word at `address` as a read shows it; nothing if reading is not documented there.

@@ -1,0 +1,98 @@
+//! What one read may cover: how many words, from where to where, and whether it may run over addresses without a register.
+
+use super::Fact;
+use crate::domain::address::{Address, Table};
+
+/// Limits of reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadLimits {
+    /// Maximum number of words in one read. With 1, no read ever covers two registers.
+    pub max_words: Fact<u16>,
+    /// The same for ASCII frames, if the model supports them.
+    pub max_words_ascii: Option<Fact<u16>>,
+    /// The longest RTU frame that the drive takes or sends. The numbers of words are already as small as it demands.
+    pub max_bytes: Option<Fact<u16>>,
+    /// A boundary that no read may cross.
+    pub boundary: Option<Boundary>,
+    /// What the drive does about addresses without a register. `None`: it refuses the whole read.
+    pub holes: Option<Fact<Holes>>,
+    /// Ranges of holding registers with limits of their own, in order; no read crosses the edge of one.
+    pub areas: Vec<ReadArea>,
+}
+
+impl ReadLimits {
+    /// How many words may be read from `address` in one frame.
+    pub(super) fn words_at(&self, address: Address) -> u16 {
+        let has_areas = address.table() == Table::Holding;
+        if has_areas { self.words_from(address.number()) } else { self.words_to_boundary(address.number()) }
+    }
+
+    /// The same from the holding register `address` on.
+    pub(in crate::profile) fn words_from(&self, address: u16) -> u16 {
+        let most = self.words_to_boundary(address);
+        if let Some(area) = self.areas.iter().find(|area| area.contains(address)) {
+            let to_edge = (area.to - address).saturating_add(1);
+            return area.max_words.value.min(to_edge).min(self.to_boundary(address));
+        }
+        let next = self.areas.iter().map(|area| area.from).filter(|from| *from > address).min();
+        next.map_or(most, |from| most.min(from - address))
+    }
+
+    /// The most words that any read may have.
+    #[must_use]
+    pub fn longest(&self) -> u16 {
+        self.areas.iter().map(|area| area.max_words.value).fold(self.max_words.value, u16::max)
+    }
+
+    /// Whether a read may run over addresses without a register. What they show then proves nothing.
+    #[must_use]
+    pub fn reads_holes(&self) -> bool {
+        self.holes.as_ref().is_some_and(|holes| holes.value != Holes::Refused)
+    }
+
+    fn words_to_boundary(&self, address: u16) -> u16 {
+        self.max_words.value.min(self.to_boundary(address))
+    }
+
+    const fn to_boundary(&self, address: u16) -> u16 {
+        match self.boundary {
+            Some(Boundary::HighByte) => 0x100 - (address & 0xFF),
+            None => (u16::MAX - address).saturating_add(1),
+        }
+    }
+}
+
+/// A boundary that no read may cross.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Boundary {
+    /// A change of the address's high byte, that is, of the parameter group.
+    HighByte,
+}
+
+/// What a drive does about a read of an address without a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Holes {
+    /// It answers with an exception.
+    Refused,
+    /// It shows 0.
+    Zero,
+    /// It shows something.
+    Read,
+}
+
+/// A range of holding registers with a limit of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadArea {
+    /// First address.
+    pub from: u16,
+    /// Last address.
+    pub to: u16,
+    /// Maximum number of words in one read.
+    pub max_words: Fact<u16>,
+}
+
+impl ReadArea {
+    const fn contains(&self, address: u16) -> bool {
+        self.from <= address && address <= self.to
+    }
+}
