@@ -63,8 +63,18 @@ pub const BIT_MEANINGS: [(&str, BitMeaning); 18] = [
     ("other", BitMeaning::Other),
 ];
 
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Holes, Memory, NeededFor, PollClass,
-    RefusedWrite, Role, WordOrder, ZeroWord,
+/// What a run command of all zeros does.
+pub const ZERO_WORDS: [(&str, ZeroWord); 5] = [
+    ("stop", ZeroWord::Stop),
+    ("coast", ZeroWord::Coast),
+    ("nothing", ZeroWord::Nothing),
+    ("ignored", ZeroWord::Ignored),
+    ("release", ZeroWord::Release),
+];
+
+/// What a drive does about a read of an address without a register.
+pub(super) const HOLES: [(&str, Holes); 3] =
+    [("refused", Holes::Refused), ("zero", Holes::Zero), ("read", Holes::Read)];
 
 /// Boundaries that no read may cross.
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
