@@ -74,7 +74,10 @@ pub(super) const LESSONS: &[Lesson] = &[
     lesson(
         "models show",
         "Addresses are as sent on the wire, counted from 0; a value is the word divided by its scale.",
-        &[("vfd-gateway models show MODEL", "show registers, units, access, trips and sources of a model")],
+        &[
+            ("vfd-gateway models show MODEL", "show registers, units, access, trips and sources of a model"),
+            ("vfd-gateway models show MODEL --toml", "print it as a file, to begin one of your own"),
+        ],
     ),
     lesson(
         "models check",

@@ -50,7 +50,7 @@ fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
     let (Some(words), Some(framings)) = (words, framings) else { return };
     if !framings.value.contains(&Framing::Ascii) {
         let problem = words.location.problem("the model does not support ASCII framing");
-        problems.push(problem.right("leave it out, or add \"ascii\" to `link.framings`"));
+        problems.push(problem.right("leave it out, or \"ascii\" in `link.framings` if the manual names it"));
     }
 }
 
@@ -59,7 +59,11 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
     let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
     let Some(Spanned { value: block, location }) = block else { return };
     if serves(0x10, file) == Some(false) {
-        problems.push(location.problem("writing a block requires function 10 hex").right("add 0x10 to `functions`"));
+        problems.push(
+            location
+                .problem("writing a block requires function 10 hex")
+                .right("leave it out, or 0x10 in `functions` if the manual names it"),
+        );
     }
     if let Some(address) = first_without(block, Access::can_write, file) {
         let problem = location.problem(format!("there is no writable register at 0x{address:04X}"));
@@ -112,7 +116,7 @@ fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<
         Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
         Some(BarrierForm::LoopTest(_)) if serves(0x08, file) == Some(false) => {
             let problem = barrier.location.problem("the drive does not serve the loop test");
-            problems.push(problem.right("add 0x08 to `functions`, or use another barrier"));
+            problems.push(problem.right("another barrier, or 0x08 in `functions` if the manual names it"));
         }
         Some(BarrierForm::LoopTest(_)) => {}
         Some(BarrierForm::Refused(function)) => {
@@ -130,7 +134,7 @@ fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, pro
     let limits = file.read.as_ref().and_then(ReadFile::ready);
     if limits.as_ref().is_some_and(|limits| limits.max_words.value == 1) {
         let problem = barrier.location.problem("with at most one word per read, all reads look alike");
-        problems.push(problem.right("`loop_test` or `refused_function`"));
+        problems.push(problem.right("leave it out, or `loop_test` or `refused_function` if the documents show them"));
         return;
     }
     let (Some(address), Some(count)) = (&block.address, &block.count) else { return };
@@ -180,12 +184,12 @@ mod tests {
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x03, 0x06, 0x08]",
-                "write.block: writing a block requires function 10 hex -> add 0x10 to `functions`",
+                "write.block: writing a block requires function 10 hex -> leave it out, or 0x10 in `functions` if the manual names it",
             ),
             (
                 "[0x03, 0x06, 0x08, 0x10]",
                 "[0x03, 0x06, 0x10]",
-                "barrier[1]: the drive does not serve the loop test -> add 0x08 to `functions`, or use another barrier",
+                "barrier[1]: the drive does not serve the loop test -> another barrier, or 0x08 in `functions` if the manual names it",
             ),
             (
                 "[0x03, 0x06, 0x08, 0x10]",
@@ -258,7 +262,7 @@ mod tests {
             "value = [\"rtu\", \"ascii\"]",
             "value = [\"rtu\"]",
             "read.max_words_ascii.value: the model does not support ASCII framing -> \
-             leave it out, or add \"ascii\" to `link.framings`",
+             leave it out, or \"ascii\" in `link.framings` if the manual names it",
         )]);
     }
 
@@ -311,7 +315,8 @@ mod tests {
         each_is_told(&[(
             "max_words = { value = 16",
             "max_words = { value = 1",
-            "barrier[0]: with at most one word per read, all reads look alike -> `loop_test` or `refused_function`",
+            "barrier[0]: with at most one word per read, all reads look alike -> \
+                 leave it out, or `loop_test` or `refused_function` if the documents show them",
         )]);
     }
 

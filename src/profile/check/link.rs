@@ -36,7 +36,10 @@ fn one_of<T: PartialEq>(value: &RequiredKey<T>, allowed: &FactFile<Vec<T>>, name
         && !allowed.value.contains(&value.value)
     {
         problems.push(
-            value.location.problem("the default is not a supported setting").right(format!("one of `link.{name}`")),
+            value
+                .location
+                .problem("the default is not a supported setting")
+                .right(format!("one of `link.{name}`, or add it there if the manual names it")),
         );
     }
 }
@@ -93,7 +96,8 @@ mod tests {
             (
                 "default = { baud = 19200",
                 "default = { baud = 4800",
-                "link.default.baud: the default is not a supported setting -> one of `link.bauds`",
+                "link.default.baud: the default is not a supported setting -> \
+                 one of `link.bauds`, or add it there if the manual names it",
             ),
         ]);
     }

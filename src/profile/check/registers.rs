@@ -35,11 +35,11 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
     for register in registers.iter().filter(|it| it.role.valid().is_some_and(|it| it.value == role)) {
         if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
             let problem = access.location.problem("a command register must be writable");
-            problems.push(problem.right("\"write\" or \"read-write\""));
+            problems.push(problem.right("a register that the documents show being written"));
         }
         if let Some(memory) = register.memory.valid().filter(|memory| memory.value == Memory::Stored) {
             let problem = memory.location.problem("frequent commands wear out a stored register");
-            problems.push(problem.right("the equivalent register in RAM, with `memory = \"ram\"`"));
+            problems.push(problem.right("a register that is not stored, if the documents name one"));
         }
         if let OptionalKey::Valid(Spanned { location, .. }) = &register.back_door {
             let problem = location.problem("a command register cannot be a back door");
@@ -75,12 +75,12 @@ fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], prob
     match &quirks.percent_of_rated {
         None => problems.extend(in_percent.into_iter().map(|unit| {
             let problem = unit.location.problem("the reference of the percentage is not stated");
-            problem.right("the quirk `percent_of_rated`, or \"A\" or \"V\"")
+            problem.right("the unit that the documents state: \"A\", \"V\", or \"%\" with the quirk `percent_of_rated`")
         })),
         Some(quirk) if in_percent.is_empty() && registers.iter().all(is_known) => {
             problems.extend(quirk.value.as_ref().map(|quirk| {
                 let problem = quirk.location.problem("no current or voltage with a role is in percent");
-                problem.right("leave it out, or set unit = \"%\" where it applies")
+                problem.right("leave it out, or unit = \"%\" where the documents state it")
             }));
         }
         Some(_) => {}
@@ -110,7 +110,7 @@ mod tests {
                 "write.block: there is no writable register at 0x2000 -> \
                  a range of writable registers only\n\
                  register[0].access: a command register must be writable -> \
-                 \"write\" or \"read-write\"",
+                 a register that the documents show being written",
             ),
         ]);
     }
@@ -144,7 +144,7 @@ mod tests {
             "role = \"output-current\"",
             "role = \"output-frequency\"",
             "quirks.percent_of_rated: no current or voltage with a role is in percent -> \
-             leave it out, or set unit = \"%\" where it applies\n\
+             leave it out, or unit = \"%\" where the documents state it\n\
              register[8].role: this role is taken by register[7].role -> \
              one that no other register of the model uses",
         )]);
@@ -156,13 +156,13 @@ mod tests {
             (
                 "percent_of_rated = { confidence = \"manual\", source = \"IM 4\" }\n",
                 "",
-                "register[8].unit: the reference of the percentage is not stated -> the quirk `percent_of_rated`, or \"A\" or \"V\"",
+                "register[8].unit: the reference of the percentage is not stated -> the unit that the documents state: \"A\", \"V\", or \"%\" with the quirk `percent_of_rated`",
             ),
             (
                 "unit = \"%\"\naccess = \"read\"\nrole = \"output-current\"",
                 "unit = \"A\"\naccess = \"read\"\nrole = \"output-current\"",
                 "quirks.percent_of_rated: no current or voltage with a role is in percent -> \
-                 leave it out, or set unit = \"%\" where it applies",
+                 leave it out, or unit = \"%\" where the documents state it",
             ),
         ]);
     }

@@ -32,7 +32,7 @@ fn reaction_words_are_stated(
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
-    let right = "the words of that register that keep the motor running";
+    let right = "the words of that register that keep the motor running; `[]` if the documents say that there are none";
     let is_digit = |digit: u16| [1, 10, 100, 1000].contains(&digit);
     match (&watchdog.action, &watchdog.keeps_running) {
         (OptionalKey::Valid(_), OptionalKey::Absent) => {
@@ -91,7 +91,7 @@ fn setting_can_be_made(setup: &SetupFile, registers: &[RegisterFile], problems: 
     let access = register.and_then(|register| register.access.as_ref());
     if access.is_some_and(|access| !access.value.can_write()) {
         let problem = name.location.problem(format!("`{}` is not writable", name.value));
-        problems.push(problem.right("a register with access \"read-write\""));
+        problems.push(problem.right("a register that can be written, or leave it out for what is set at the drive"));
     }
 }
 
@@ -132,7 +132,8 @@ mod tests {
             (
                 "register = \"run_source\"",
                 "register = \"firmware\"",
-                "setup[0].register: `firmware` is not writable -> a register with access \"read-write\"",
+                "setup[0].register: `firmware` is not writable -> \
+                 a register that can be written, or leave it out for what is set at the drive",
             ),
             (
                 "register = \"run_source\"",
@@ -167,7 +168,7 @@ mod tests {
                 "keeps_running = [2]\n",
                 "",
                 "watchdog.keeps_running: `action` requires `keeps_running` -> \
-                 the words of that register that keep the motor running",
+                 the words of that register that keep the motor running; `[]` if the documents say that there are none",
             ),
             (
                 "action = \"loss_reaction\"\n",

@@ -78,7 +78,7 @@ fn bits_stand_alone(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     is_polled(register, role, "bits of trips", problems);
     if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_read()) {
         let problem = access.location.problem("bits of trips must be readable");
-        problems.push(problem.right("\"read\" or \"read-write\""));
+        problems.push(problem.right("a register that the documents show being read"));
     }
     if let Some((_, other)) = with_role(&[Role::TripCode, Role::TripCause], registers) {
         let problem = role.location.problem(format!("{} says which trip is active", other.location.key));

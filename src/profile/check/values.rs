@@ -63,7 +63,7 @@ fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Probl
         tell(
             location,
             "the order of the two words is not stated",
-            "`word_order = \"high-first\"` or \"low-first\"",
+            "`word_order = \"high-first\"` or \"low-first\", as the documents state it",
             problems,
         );
     }
@@ -142,7 +142,7 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
                 tell(
                     &name.location,
                     "`full_scale_hz` is a frequency",
-                    "the name of a register, or unit = \"Hz\"",
+                    "the name of a register in the unit of this one",
                     problems,
                 );
             }
@@ -195,7 +195,12 @@ fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) 
         tell(&direction.location, "only a frequency shows the direction", right, problems);
     }
     if register.signed.or(false) == Some(false) {
-        tell(&direction.location, "a number without a sign has no direction", "`signed = true`", problems);
+        tell(
+            &direction.location,
+            "a number without a sign has no direction",
+            "leave it out, or `signed = true` if the documents say so",
+            problems,
+        );
     }
 }
 
@@ -252,7 +257,8 @@ mod tests {
         for (keys, expected) in [
             (
                 "words = 2",
-                "words: the order of the two words is not stated -> `word_order = \"high-first\"` or \"low-first\"",
+                "words: the order of the two words is not stated -> \
+                 `word_order = \"high-first\"` or \"low-first\", as the documents state it",
             ),
             ("word_order = \"low-first\"", "word_order: one word has no order -> `words = 2`, or leave it out"),
             ("words = 3", "words: 3 is out of range -> a whole number from 1 to 2"),
@@ -313,7 +319,10 @@ mod tests {
                 "scale_by = { register = \"decimals\", steps = { \"0\" = 1 } }",
                 "scale_by.register: there is no register called `decimals` -> the `name` of a register",
             ),
-            ("direction = \"sign\"", "direction: a number without a sign has no direction -> `signed = true`"),
+            (
+                "direction = \"sign\"",
+                "direction: a number without a sign has no direction -> leave it out, or `signed = true` if the documents say so",
+            ),
         ] {
             assert_eq!(said(keys), expected);
         }

@@ -86,8 +86,8 @@ pub(super) const ORDERS: &[Section] = &[
             (
                 "keeps_running",
                 "required with `action`",
-                "The words of `action` with which the motor runs on, so that the watchdog is as good as off; `[]` if there are \
-                 none.",
+                "The words of `action` with which the motor runs on, reported as `keeps_running`; `[]` if the \
+                 documents say that there are none.",
             ),
             (
                 "stops",

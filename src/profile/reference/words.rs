@@ -125,12 +125,18 @@ pub(super) const WORDS: &[Words] = &[
         of: &["register.role"],
         words: &[
             ("run-command", "Takes the words of `[run]`. Writable and not stored."),
-            ("frequency-command", "Takes the setpoint. Writable and not stored."),
+            (
+                "frequency-command",
+                "Takes the setpoint. Writable, not stored, and in Hz if the drive is to take orders.",
+            ),
             (
                 "frequency-setting",
                 "The setpoint as the drive holds it, if that is another register than the one that takes it.",
             ),
-            ("output-frequency", "The output frequency. The gateway sees by it that the motor turns."),
+            (
+                "output-frequency",
+                "The output frequency. A drive that takes orders has one that is polled: it shows that a stop takes effect.",
+            ),
             ("acceleration-time", "The time of the ramp up."),
             ("deceleration-time", "The time of the ramp down."),
             ("frequency-source", "Where the drive takes its setpoint from. Never written natively."),

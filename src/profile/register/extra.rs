@@ -131,7 +131,7 @@ mod tests {
 8:1 register[0].source: unknown key `source`
     right: one of name, title, code, address, scale, signed, unit, access, poll
 16:8 register[1].poll: polling requires a readable register
-    right: leave it out, or use access \"read\" or \"read-write\"
+    right: leave it out, or \"read\" or \"read-write\" if the documents say that it can be read
 4:11 register[0].address: has no effect: acme-1 now has its own register at 0x0101, `output_frequency`
     right: leave it out and use the name `output_frequency`
 10:8 register[1].name: the name `output_frequency` is taken by `output_frequency` of the model

@@ -132,7 +132,9 @@ impl RegisterFile {
         let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
         if let Some(poll) = register.poll.valid().filter(|_| unreadable) {
             let problem = poll.location.problem("polling requires a readable register");
-            reader.problems().push(problem.right("leave it out, or use access \"read\" or \"read-write\""));
+            reader.problems().push(
+                problem.right("leave it out, or \"read\" or \"read-write\" if the documents say that it can be read"),
+            );
         }
         register
     }
