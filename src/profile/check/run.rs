@@ -48,7 +48,12 @@ fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
 fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
     let Some(reset) = run.reset.as_ref() else {
         if let OptionalKey::Valid(sequence) = &run.reset_sequence {
-            problems.push(sequence.location.problem("`reset` is missing").right("a word for `reset`"));
+            problems.push(
+                sequence
+                    .location
+                    .problem("`reset` is missing")
+                    .right("the word for `reset`, if the documents state one, or leave it out"),
+            );
         }
         return;
     };
@@ -157,9 +162,14 @@ mod tests {
                 reverse,
                 "reverse = { value = 0xD600",
                 "run.reverse.value: 0xD600 has an undeclared bit: 12 -> \
-                 a `[[run.bit]]` for it, or a word without it",
+                 a `[[run.bit]]` with what the documents say of it, or a word without it",
             ),
-            (reverse, "reverse = { value = 0x8600", "run.reverse.value: 0x8600 lacks bits of `priority` -> 0xC600"),
+            (
+                reverse,
+                "reverse = { value = 0x8600",
+                "run.reverse.value: 0x8600 lacks bits of `priority` -> \
+                 0xC600, if the documents show that word, or another `priority`",
+            ),
             (
                 "bit = 0\n",
                 "bit = 9\n",

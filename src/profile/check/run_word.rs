@@ -39,7 +39,10 @@ pub(super) fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut 
         orders_one_thing(order, word, run, problems);
         if let Some(priority) = priority.filter(|it| order != Order::Release && word.value & it.value != it.value) {
             let what = format!("0x{:04X} lacks bits of `priority`", word.value);
-            problems.push(word.location.problem(what).right(format!("0x{:04X}", word.value | priority.value)));
+            problems.push(word.location.problem(what).right(format!(
+                "0x{:04X}, if the documents show that word, or another `priority`",
+                word.value | priority.value
+            )));
         }
     }
 }
@@ -90,7 +93,11 @@ fn bits_are_declared(word: &Spanned<u16>, declared: Option<u16>, problems: &mut 
     let unknown = word.value & !declared;
     if unknown != 0 {
         let what = format!("0x{:04X} has an undeclared bit: {}", word.value, unknown.trailing_zeros());
-        problems.push(word.location.problem(what).right("a `[[run.bit]]` for it, or a word without it"));
+        problems.push(
+            word.location
+                .problem(what)
+                .right("a `[[run.bit]]` with what the documents say of it, or a word without it"),
+        );
     }
 }
 
@@ -334,7 +341,8 @@ mod tests {
                 (
                     "0x0007",
                     "0x0017",
-                    "run.forward.value: 0x0017 has an undeclared bit: 4 -> a `[[run.bit]]` for it, or a word without it",
+                    "run.forward.value: 0x0017 has an undeclared bit: 4 -> \
+                     a `[[run.bit]]` with what the documents say of it, or a word without it",
                 ),
                 (
                     "0x0007",

@@ -7,7 +7,7 @@ use toml::de::{DeArray, DeTable, DeValue};
 
 /// Lists of tables whose rows are told apart by a key. A row of the file takes the place of the row with the same key;
 /// any other list takes the place of the whole list.
-pub(in crate::profile) const ROWS: [(&str, &[&str]); 7] = [
+pub(in crate::profile) const ROWS: [(&str, &[&str]); 9] = [
     ("register", &["name"]),
     ("status", &["flag"]),
     ("trip", &["code", "bit"]),
@@ -15,6 +15,8 @@ pub(in crate::profile) const ROWS: [(&str, &[&str]); 7] = [
     ("exception", &["code"]),
     ("setup", &["what"]),
     ("run.bit", &["bit"]),
+    ("run.field", &["mask"]),
+    ("read.area", &["from"]),
 ];
 
 /// `base` with everything that `own` says in its place. A fact is replaced as a whole, so that no value keeps the source

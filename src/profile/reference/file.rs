@@ -112,6 +112,12 @@ pub(super) const LINE: &[Section] = &[
                 "as in requests",
                 "Bits per character of the drive's replies, if they are more than in requests.",
             ),
+            (
+                "pause_after_write",
+                "none",
+                "How long the drive is left alone after its reply to a write. A stop waits for it too.",
+            ),
+            ("pause_after_stored_write", "as `pause_after_write`", "The same after a write to a stored register."),
             ("max_lateness", "", "How long after a time-out a late reply may still arrive."),
         ],
     },
@@ -122,6 +128,17 @@ pub(super) const LINE: &[Section] = &[
             ("max_words", "", "Most words in one read."),
             ("max_words_ascii", "as `max_words`", "The same in ASCII frames."),
             ("boundary", "none", "A boundary that no read crosses: a change of the address's high byte."),
+            ("max_bytes", "not known", "The longest frame in bytes, if the manual limits frames instead of words."),
+            ("holes", "`refused`", "What a read of an address without a register shows."),
+        ],
+    },
+    Section {
+        table: "read.area",
+        says: "Ranges of addresses with a limit of their own. No read crosses the edge of one. Rows are told apart by `from`.",
+        keys: &[
+            ("from", "", "The first address."),
+            ("to", "", "The last address."),
+            ("max_words", "", "Most words in one read."),
         ],
     },
     Section {

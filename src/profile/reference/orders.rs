@@ -21,6 +21,12 @@ pub(super) const ORDERS: &[Section] = &[
                 "The words of a reset in the order in which they are written: `stop` first, then only `reset` and `stop`; with \
                  bits `stop` is also the last, because it clears the reset bit. At most 8.",
             ),
+            (
+                "zero",
+                "a stop, if `stop` is 0",
+                "What the drive does with the word 0. Required where the meanings of bits leave it open. A 0 that a client writes is a \
+                 coast where 0 coasts and `coast` is proven; otherwise it goes out as the stop word.",
+            ),
             ("never", "none", "Words that are never written, whatever a client asks for."),
             (
                 "priority",
@@ -34,7 +40,29 @@ pub(super) const ORDERS: &[Section] = &[
         says: "With `form = \"bits\"`: every bit that a command uses. A word with a bit that is not listed is refused. A word \
                is as sure as its own `confidence` says: an example that shows several bits proves their sum only, so a word \
                that you compose of single bits is `inferred` unless the manual prints it. Rows are told apart by `bit`.",
-        keys: &[("bit", "", "Its number, 0 for the lowest."), ("meaning", "", "What it means when it is set.")],
+        keys: &[
+            ("bit", "", "Its number, 0 for the lowest."),
+            ("meaning", "", "What it means while it holds."),
+            (
+                "when",
+                "1",
+                "The value of the bit with which the meaning holds: 0 for an enable with `meaning = \"coast\"`.",
+            ),
+        ],
+    },
+    Section {
+        table: "run.field",
+        says: "With `form = \"bits\"`: neighbouring bits that mean something together. A value that is not listed is never \
+               ordered. Rows are told apart by `mask`.",
+        keys: &[
+            ("mask", "", "The bits, as `0x0030`."),
+            (
+                "values",
+                "",
+                "The meaning of each value, shifted down: `{ \"0\" = \"nothing\", \"1\" = \"forward\" }`. It names 0.",
+            ),
+            ("values.NAME", "", "The meaning of this value, in decimal."),
+        ],
     },
     Section {
         table: "setup",

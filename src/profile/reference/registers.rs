@@ -38,6 +38,11 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         ),
         ("not_stated", "none", "What of this row its source does not state, so that it is not proven."),
         (
+            "deaf_after",
+            "none",
+            "How long the drive hears nothing after this register was written. A stop is tried at once and sent again then.",
+        ),
+        (
             "words",
             "1",
             "2 for a 32-bit value, which takes this address and the next. It is only read, both words in one frame.",

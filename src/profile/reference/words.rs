@@ -78,12 +78,23 @@ pub(super) const WORDS: &[Words] = &[
         ],
     },
     Words {
-        of: &["run.bit.meaning"],
+        of: &["run.bit.meaning", "run.field.values.NAME"],
         words: &[
-            ("run", "Run; without it the motor is ramped down."),
-            ("reverse", "The direction is reverse; without it forward."),
+            ("nothing", "Nothing; in a field only."),
+            (
+                "run",
+                "Run; without it the motor is ramped down, unless another bit means `stop`: then a run order stays until that.",
+            ),
+            ("reverse", "The direction is reverse; without it forward, unless another bit means `forward`."),
+            ("forward", "The direction is forward; without it reverse, unless another bit means `reverse`."),
             ("run-forward", "Run forward."),
             ("run-reverse", "Run in reverse."),
+            ("stop", "Ramp down and stop."),
+            ("quick-stop", "Stop by the fast ramp."),
+            ("dc-brake", "Stop by direct current."),
+            ("freeze", "Keep the output frequency as it is."),
+            ("toggle", "Change the direction. In no command."),
+            ("ignored", "The drive does not take the word. In no command."),
             ("reset", "Reset a trip."),
             ("coast", "Cut the output off."),
             ("trip", "The drive trips. In no command."),
@@ -91,6 +102,24 @@ pub(super) const WORDS: &[Words] = &[
             ("bus-run", "Run commands are taken from the bus whatever the settings say."),
             ("bus-frequency", "The frequency is taken from the bus whatever the settings say."),
             ("other", "Something that the gateway never orders."),
+        ],
+    },
+    Words {
+        of: &["run.zero"],
+        words: &[
+            ("stop", "The motor ramps down."),
+            ("coast", "The motor coasts."),
+            ("nothing", "The drive takes the word and goes on as it was ordered before."),
+            ("ignored", "The drive does not take the word."),
+            ("release", "Panel and terminals take over."),
+        ],
+    },
+    Words {
+        of: &["read.holes"],
+        words: &[
+            ("refused", "An exception."),
+            ("zero", "0. An answer proves no register, so that `scan` calls such a drive possible only."),
+            ("read", "Something. An answer proves no register either."),
         ],
     },
     Words {
