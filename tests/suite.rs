@@ -61,6 +61,8 @@ mod conversation;
 mod deaf_times;
 #[path = "scenarios/every_request_ends.rs"]
 mod every_request_ends;
+#[path = "scenarios/exception_kinds.rs"]
+mod exception_kinds;
 #[path = "scenarios/families.rs"]
 mod families;
 #[path = "scenarios/field_faults.rs"]

@@ -151,6 +151,12 @@ reasons! {
     NotOverBus = 57, "not_over_bus", "the control section says that this does not come over the bus (`bus`)";
     /// The setpoint is a fraction of a full scale that is not known since the drive came back, or has just changed.
     FullScaleUnknown = 58, "full_scale_unknown", "the full scale of the setpoint is not known yet: it is being read from the drive";
+    /// The drive answered with the exception by which it says that it is busy.
+    DriveBusy = 59, "drive_busy", "the drive answered that it is busy: order it again";
+    /// The same, that it is locked.
+    DriveLocked = 60, "drive_locked", "the drive answered that it is locked against this";
+    /// The same, that a trip holds.
+    DriveInTrip = 61, "drive_in_trip", "the drive answered that it does not do this during a trip";
 }
 
 impl Reason {

@@ -237,6 +237,9 @@ impl DriveOnLine {
         if what.backs_off {
             station.silent(now);
         }
+        if what.drive_is_there {
+            station.is_there();
+        }
     }
 
     /// The drive answered. That settles missing replies, unless one of them could be mistaken for this reply: then

@@ -14,9 +14,14 @@ use crate::line::exchange::{Ending, Exchange};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
 use crate::line::station::{Missing, Stray, answers};
+use crate::profile::model::ExceptionKind;
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
+use std::time::Duration;
+
+/// How long a drive that is busy is left alone. A stop does not wait for that.
+pub(super) const BUSY_REST: Duration = Duration::from_millis(200);
 
 impl LineCore {
     pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) -> Option<Done> {
@@ -24,14 +29,8 @@ impl LineCore {
         let drive = &self.drives[flight.drive];
         let until = drive.may_come_until(now, flight.request_end, &exchange.request, &self.timing);
         let is_jammed = self.health.is_jammed();
-        // A clean frame amid babble may be an artefact of it, and the frame after an unexplained one may be another
-        // of that kind. A stop is sent without proof, and confirmed by a read-back.
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
-        let ending = match ending {
-            _ if is_jammed => Ending::Silent,
-            _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
-            ending => ending,
-        };
+        let (ending, kind) = self.judged(&flight, ending);
         let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
@@ -41,6 +40,7 @@ impl LineCore {
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
         let fault = match fault_of(&ending) {
+            Some(_) if kind == Some(ExceptionKind::DamagedFrame) => Some(Fault::DamagedRequest),
             Some(Fault::Silent) if now <= self.drives[drive].station.rests_until() => Some(Fault::Deaf),
             Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
             fault => fault,
@@ -54,10 +54,19 @@ impl LineCore {
                 self.drives[drive].answered(now, doubt.then(missing));
                 self.drives[drive].set_presence(now, Presence::Online, &mut self.effects);
             }
-            Some(fault) => self.drives[drive].was_not_answered(now, fault, missing),
+            Some(fault) => {
+                self.drives[drive].was_not_answered(now, fault, missing);
+                if consequence(fault).drive_is_there {
+                    self.drives[drive].set_presence(now, Presence::Online, &mut self.effects);
+                }
+            }
+        }
+        if kind == Some(ExceptionKind::Busy) {
+            self.rest(drive, now + BUSY_REST);
         }
         self.drives[drive].was_written(now, &exchange.request, &ending);
-        if !proves_nothing {
+        // One that says why tells nothing about the register.
+        if !proves_nothing && kind.is_none() {
             self.drives[drive].tell_plan(now, &exchange.request, &ending);
         }
         let doubt = doubt || proves_nothing;
@@ -65,7 +74,8 @@ impl LineCore {
         let done = Done {
             drive,
             fault,
-            counts: matches!(fault, None | Some(Fault::Garbled)) || (fault == Some(Fault::Silent) && !was_silent),
+            counts: matches!(fault, None | Some(Fault::Garbled | Fault::DamagedRequest))
+                || (fault == Some(Fault::Silent) && !was_silent),
             reply_bytes: self.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
         };
         if let Purpose::Work(_) | Purpose::Poll = purpose
@@ -75,11 +85,46 @@ impl LineCore {
             let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
             self.drives[drive].take_words(now, read_at, (*address, words), &mut self.effects);
         }
+        self.tell_purpose(now, drive, purpose, (&exchange.request, ending, kind), doubt);
+        self.forget_the_silent(now, drive);
+        Some(done)
+    }
+
+    /// What `ending` is worth, and what the drive means by it if that is an exception. A clean frame amid babble may be an
+    /// artefact of it, and the frame after an unexplained one may be another of that kind. A stop is sent without proof,
+    /// and confirmed by a read-back.
+    fn judged(&self, flight: &Flight, ending: Ending) -> (Ending, Option<ExceptionKind>) {
+        let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
+        let ending = match ending {
+            _ if self.health.is_jammed() => Ending::Silent,
+            _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
+            ending => ending,
+        };
+        let Ending::Exception(code) = ending else { return (ending, None) };
+        let kind = self.drives[flight.drive].setup.model.exception_kind(code);
+        if kind == Some(ExceptionKind::DamagedFrame) { (Ending::Garbled, kind) } else { (ending, kind) }
+    }
+
+    /// Tells those who wait for the exchange how it ended.
+    fn tell_purpose(
+        &mut self,
+        now: MonoTime,
+        drive: DriveIndex,
+        purpose: Purpose,
+        ended: (&Request, Ending, Option<ExceptionKind>),
+        doubt: bool,
+    ) {
+        let (request, ending, kind) = ended;
         match (purpose, ending) {
-            (Purpose::Trial(place), ending) => self.drives[drive].trial_ended(place, &exchange.request, &ending),
+            (Purpose::Trial(place), ending) => self.drives[drive].trial_ended(place, request, &ending),
             (Purpose::Work(rank), ending) => {
                 let work = &mut self.drives[drive].work;
-                work.ended(rank, &exchange.request, &ending, doubt, now, &mut self.effects);
+                work.ended(rank, request, &ending, doubt, now, &mut self.effects);
+            }
+            (Purpose::Read(job), Ending::Exception(_))
+                if kind == Some(ExceptionKind::Busy) && !job.repeated && self.is_waited_for(&job) =>
+            {
+                self.repeat(job);
             }
             (Purpose::Read(job), Ending::Reply(Reply::Words(words))) => self.deliver(job, words),
             (Purpose::Read(job), Ending::Reply(Reply::Echo)) => self.end_all(job.waiters, &NativeOutcome::Written),
@@ -89,8 +134,6 @@ impl LineCore {
             }
             (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
         }
-        self.forget_the_silent(now, drive);
-        Some(done)
     }
 
     fn count_end(&mut self, drive: DriveIndex, request: &Request, ending: &Ending) {
@@ -155,13 +198,16 @@ impl LineCore {
     fn read_failed(&mut self, purpose: Purpose, ending: &Ending) {
         let repeats = fault_of(ending).is_some_and(|fault| consequence(fault).repeats_read);
         match purpose {
-            Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
-                self.counters.retries += 1;
-                self.drives[job.key.drive].measured.exchanges.retries += 1;
-                self.schedule.repeat_read(job);
-            }
+            Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => self.repeat(job),
             purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
         }
+    }
+
+    /// A native read is sent once more.
+    fn repeat(&mut self, job: ReadJob) {
+        self.counters.retries += 1;
+        self.drives[job.key.drive].measured.exchanges.retries += 1;
+        self.schedule.repeat_read(job);
     }
 
     /// No request waits for a drive that is known to be silent.

@@ -11,7 +11,9 @@ use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{Step, StepPart, Write};
 use crate::guard::{Approved, Void};
+use crate::profile::model::ExceptionKind;
 use crate::wire::pdu::{Reply, Request};
+use read_back::READS_MAX;
 use std::time::Duration;
 
 /// How long after its deadline a list that has begun may continue: as long as a Modbus TCP client waits for its answer.
@@ -245,12 +247,16 @@ impl List {
         }
     }
 
-    /// The drive replied with an exception.
-    pub fn excepted(&mut self, code: u8) -> Next {
+    /// The drive replied with an exception of this kind. A read is tried again while it is busy, a write never.
+    pub fn excepted(&mut self, code: u8, kind: Option<ExceptionKind>) -> Next {
+        let reads = self.present_writes().is_empty();
+        if reads && kind == Some(ExceptionKind::Busy) && self.in_vain + 1 < READS_MAX {
+            return self.read_again();
+        }
         if !matches!(self.stage, Stage::Step(_)) {
             return self.give_up_reading();
         }
-        let failed = Report::new(Outcome::Failed, Reason::DriveException);
+        let failed = Report::new(Outcome::Failed, reason_of(kind));
         Next::Ends(Report { exception: Some(code), ..failed })
     }
 
@@ -345,6 +351,16 @@ impl List {
     #[must_use]
     pub const fn is_sure(&self) -> bool {
         !self.is_in_doubt
+    }
+}
+
+/// The reason for the end of a command by an exception of this kind.
+pub const fn reason_of(kind: Option<ExceptionKind>) -> Reason {
+    match kind {
+        Some(ExceptionKind::Busy) => Reason::DriveBusy,
+        Some(ExceptionKind::Locked) => Reason::DriveLocked,
+        Some(ExceptionKind::InTrip) => Reason::DriveInTrip,
+        Some(ExceptionKind::DamagedFrame) | None => Reason::DriveException,
     }
 }
 

@@ -4,6 +4,8 @@
 //! A stop is effective once it was acknowledged in an exchange beyond doubt, and later readings show that the drive is no
 //! longer ordered to run, or an output frequency that is zero, or falling and twice not above the previous reading.
 
+mod refused;
+
 use super::falling::FallWatch;
 use super::outbox::Outbox;
 use super::waiter::Waiter;
@@ -255,27 +257,6 @@ impl StopLatch {
         self.is_acknowledged = true;
         self.watch = FallWatch::default();
         Some(Report::new(Outcome::Acknowledged, Reason::None))
-    }
-
-    /// The drive refused it in its current form: the next form that its model declares is sent at once. If it has refused
-    /// all of them, the stop is repeated as usual; meanwhile the drive is read, and at standstill there is nothing left to
-    /// stop. Returns whether no other form is left.
-    pub fn refused(&mut self, now: MonoTime) -> bool {
-        self.look_at = now;
-        self.form = (self.form + 1) % self.order.forms();
-        self.refusals = self.refusals.saturating_add(1);
-        if self.refusals < self.order.forms() {
-            self.send_at = now;
-            return false;
-        }
-        self.was_refused = true;
-        true
-    }
-
-    /// Whether the drive has refused every form of it and acknowledged none.
-    #[must_use]
-    pub const fn is_refused(&self) -> bool {
-        self.was_refused && !self.is_acknowledged
     }
 
     /// Whether the drive has acknowledged it beyond doubt.

@@ -20,6 +20,8 @@ pub enum Fault {
     Refused,
     /// The drive answered a write with the value it kept.
     KeptOldValue,
+    /// The drive answered that the request had reached it damaged.
+    DamagedRequest,
     /// Our frame was echoed.
     Echoed,
     /// Another master sends requests on the line.
@@ -70,6 +72,7 @@ pub const fn consequence(fault: Fault) -> Consequence {
         Fault::Foreign | Fault::Echoed | Fault::OtherMaster | Fault::Jammed => none,
         Fault::Mute => Consequence { reopens_port: true, ..none },
         Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
+        Fault::DamagedRequest => Consequence { ends_exchange: true, repeats_read: true, drive_is_there: true, ..none },
         Fault::PortGone => Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none },
     }
 }
@@ -79,7 +82,7 @@ mod tests {
     use super::*;
 
     /// ends, repeats a read, late reply possible, backs off, drive is there, reopens
-    const TABLE: [(Fault, [bool; 6]); 13] = [
+    const TABLE: [(Fault, [bool; 6]); 14] = [
         (Fault::Garbled, [true, true, true, false, false, false]),
         (Fault::Silent, [true, false, true, true, false, false]),
         (Fault::Ignored, [true, false, true, false, false, false]),
@@ -88,6 +91,7 @@ mod tests {
         (Fault::Foreign, [false, false, false, false, false, false]),
         (Fault::Refused, [true, false, false, false, true, false]),
         (Fault::KeptOldValue, [true, false, false, false, true, false]),
+        (Fault::DamagedRequest, [true, true, false, false, true, false]),
         (Fault::Echoed, [false, false, false, false, false, false]),
         (Fault::OtherMaster, [false, false, false, false, false, false]),
         (Fault::Jammed, [false, false, false, false, false, false]),

@@ -1,8 +1,8 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
 use super::model::{
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, FactPart, Flag, Holes, Memory, NeededFor, PollClass,
-    RefusedWrite, Role, WordOrder, ZeroWord,
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, ExceptionKind, FactPart, Flag, Holes, Memory, NeededFor,
+    PollClass, RefusedWrite, Role, WordOrder, ZeroWord,
 };
 
 /// The table of an enumeration that defines its own words.
@@ -71,6 +71,10 @@ pub const ZERO_WORDS: [(&str, ZeroWord); 5] = [
     ("ignored", ZeroWord::Ignored),
     ("release", ZeroWord::Release),
 ];
+
+/// What a drive means by an exception.
+pub(super) const EXCEPTION_KINDS: [(&str, ExceptionKind); 4] =
+    own_words!(ExceptionKind: Busy, Locked, InTrip, DamagedFrame);
 
 /// What a drive does about a read of an address without a register.
 pub(super) const HOLES: [(&str, Holes); 3] =

@@ -7,7 +7,7 @@ use crate::drive::steps::Condition;
 use std::time::Duration;
 
 /// Maximum number of attempts for a read.
-const READS_MAX: u8 = 3;
+pub(super) const READS_MAX: u8 = 3;
 /// Time between two reads of a condition that is not met yet.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 

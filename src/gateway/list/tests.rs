@@ -310,7 +310,7 @@ fn a_look_without_an_answer_is_repeated_and_given_up() {
     let mut list = list_by(&model(), go(Some(2000), None), Owner::Mqtt);
     list.was_sent();
     holds(&mut list, 2000, NOW);
-    assert_eq!(list.excepted(2), ends(Outcome::Acknowledged, Reason::NoReply), "the drive does not show it");
+    assert_eq!(list.excepted(2, None), ends(Outcome::Acknowledged, Reason::NoReply), "the drive does not show it");
 }
 
 #[test]

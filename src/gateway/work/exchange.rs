@@ -4,11 +4,13 @@ use super::{DriveWork, Out, Rank, Want};
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
+use crate::gateway::ended::BUSY_REST;
 use crate::gateway::event::Effect;
-use crate::gateway::list::Next;
+use crate::gateway::list::{Next, reason_of};
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::line::exchange::Ending;
+use crate::profile::model::ExceptionKind;
 use crate::wire::pdu::{Reply, Request};
 
 impl DriveWork {
@@ -140,8 +142,13 @@ impl DriveWork {
             Ending::Reply(Reply::Holds { value: held }) if *held != latch.word() => {
                 Some(Report { held: Some(*held), ..failed })
             }
+            // A busy drive has refused nothing.
+            Ending::Exception(code) if self.model.exception_kind(*code) == Some(ExceptionKind::Busy) => {
+                return latch.is_busy(now + BUSY_REST, now);
+            }
             Ending::Exception(code) => {
-                Some(Report { exception: Some(*code), reason: Reason::DriveException, ..failed })
+                let reason = reason_of(self.model.exception_kind(*code));
+                Some(Report { exception: Some(*code), reason, ..failed })
             }
             _ => None,
         };
@@ -189,7 +196,7 @@ impl DriveWork {
         let in_question: Vec<StepPart> = list.writes_in_question().iter().map(|write| write.part).collect();
         let mut next = match ending {
             Ending::Reply(reply) => list.answered(reply, now),
-            Ending::Exception(code) => list.excepted(*code),
+            Ending::Exception(code) => list.excepted(*code, self.model.exception_kind(*code)),
             Ending::Garbled | Ending::Silent => list.unanswered(),
         };
         if reads_identity && matches!((ending, next), (Ending::Reply(_), Next::Goes(_))) {

@@ -6,12 +6,14 @@ use crate::profile::file::{BarrierFile, BarrierForm, BlockFile, ModelFile, ReadF
 use crate::profile::model::Access;
 use crate::profile::register::{RegisterFile, has_decimal_digits};
 use crate::toml_file::{OptionalKey, Spanned};
+use crate::wire::exception::ILLEGAL_FUNCTION;
 use std::collections::BTreeSet;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     functions_suffice(file, problems);
     ascii_is_there(file, problems);
     block_is_writable(file, problems);
+    exceptions_are_of_one_kind(file, problems);
     areas_are_apart(file, problems);
     frames_are_short(file, problems);
     for barrier in &file.barriers {
@@ -68,6 +70,20 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let Some(address) = first_without(block, Access::can_write, file) {
         let problem = location.problem(format!("there is no writable register at 0x{address:04X}"));
         problems.push(problem.right("a range of writable registers only"));
+    }
+}
+
+/// A barrier that is refused with exception 01 needs that exception to mean nothing else.
+fn exceptions_are_of_one_kind(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let is_refused = |barrier: &BarrierFile| matches!(barrier.form, Some(BarrierForm::Refused(_)));
+    if !file.barriers.iter().any(is_refused) {
+        return;
+    }
+    let is_first = |code: &u16| *code == u16::from(ILLEGAL_FUNCTION);
+    let firsts = file.exceptions.iter().filter(|it| it.code.as_ref().is_some_and(|code| is_first(&code.value)));
+    for kind in firsts.filter_map(|it| it.kind.valid()) {
+        let problem = kind.location.problem("a barrier takes exception 01 for the refusal of its function");
+        problems.push(problem.right("leave it out, or no `refused_function`"));
     }
 }
 
@@ -244,6 +260,20 @@ mod tests {
         let found =
             told_with(&EVERYTHING.replacen("[write]\n", narrow, 1), block, &block.replace("count = 2", "count = 3"));
         let told = "write.block.count: a write of 3 words is longer than `read.max_bytes`\n    right: at most 1\n";
+        assert!(found.contains(told), "{found}");
+    }
+
+    #[test]
+    fn an_exception_on_which_a_barrier_rests_means_nothing_else() {
+        each_mistake_is_told(&[(
+            "kind = \"busy\"",
+            "kind = \"bussy\"",
+            "exception[2].kind: `bussy` is not an allowed value -> \"busy\"",
+        )]);
+        let first = "code = 2\ntext = \"no such register\"";
+        let found = told_with(EVERYTHING, first, "code = 1\ntext = \"no\"\nkind = \"in-trip\"");
+        let told = "exception[1].kind: a barrier takes exception 01 for the refusal of its function\n    \
+                    right: leave it out, or no `refused_function`\n";
         assert!(found.contains(told), "{found}");
     }
 

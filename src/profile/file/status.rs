@@ -1,9 +1,9 @@
 //! `[[status]]`, `[[trip]]` and `[[exception]]`: status flags, and the texts of trips and exceptions.
 
 use super::facts::{Facts, Origin, filled_with};
-use crate::profile::model::{CodeText, Flag, StatusFlag};
+use crate::profile::model::{CodeText, ExceptionKind, Flag, StatusFlag};
 use crate::profile::register::{RegisterFile, address_of};
-use crate::profile::words::FLAGS;
+use crate::profile::words::{EXCEPTION_KINDS, FLAGS};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
 use std::ops::RangeInclusive;
@@ -58,10 +58,23 @@ pub(in crate::profile) struct CodeFile {
     /// It is declared by its bit.
     pub is_bit: bool,
     text: RequiredKey<String>,
+    /// What the drive means by it, if it is an exception.
+    pub kind: OptionalKey<ExceptionKind>,
     origin: Option<Origin>,
 }
 
 impl CodeFile {
+    /// An exception.
+    pub(super) fn read_exception(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let kind = reader.optional("kind", &Kind::one_of(&EXCEPTION_KINDS));
+        Self { kind, ..Self::read(facts, 1..=255, reader) }
+    }
+
+    /// What the drive means by it, with its code; `None` if it is not stated.
+    pub(super) fn ready_kind(&self) -> Option<(u8, ExceptionKind)> {
+        Some((u8::try_from(self.code.as_ref()?.value).ok()?, self.kind.valid()?.value))
+    }
+
     /// An exception, or a trip that has a number, with a code of `codes`.
     pub(super) fn read(facts: &Facts<'_>, codes: RangeInclusive<u16>, mut reader: Reader<'_, '_>) -> Self {
         let code = Self {
@@ -69,6 +82,7 @@ impl CodeFile {
             code: reader.required("code", &Kind::number(codes)),
             is_bit: false,
             text: reader.required("text", &Kind::text()),
+            kind: OptionalKey::Absent,
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -91,6 +105,7 @@ impl CodeFile {
             code: bit.valid().map(|bit| Spanned { value: bit.value + 1, location: bit.location.clone() }),
             is_bit,
             text: reader.required("text", &Kind::text()),
+            kind: OptionalKey::Absent,
             origin: facts.origin(&mut reader),
         };
         reader.finish();

@@ -25,7 +25,7 @@ pub use parameter::ParameterKind;
 pub use read::{Boundary, Holes, ReadArea, ReadLimits};
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
-pub use status::{Barrier, BarrierRead, CodeText, Flag, Quirks, StatusFlag};
+pub use status::{Barrier, BarrierRead, CodeText, ExceptionKind, Flag, Quirks, StatusFlag};
 
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
@@ -112,6 +112,8 @@ pub struct Model {
     pub write: WriteRules,
     /// Exception codes with the vendor's texts, each at most once.
     pub exceptions: Vec<CodeText>,
+    /// What the drive means by some of them.
+    pub exception_kinds: Vec<(u8, ExceptionKind)>,
     /// Deviations from the standard behaviour.
     pub quirks: Quirks,
     /// Exchanges after which no late reply can follow, best first.
@@ -304,6 +306,12 @@ impl Model {
     #[must_use]
     pub fn exception_text(&self, code: u8) -> Option<&CodeText> {
         self.exceptions.iter().find(|it| it.code == u16::from(code))
+    }
+
+    /// What the drive means by exception `code`, if the model says more than its text.
+    #[must_use]
+    pub fn exception_kind(&self, code: u8) -> Option<ExceptionKind> {
+        self.exception_kinds.iter().find(|(of, _)| *of == code).map(|(_, kind)| *kind)
     }
 
     /// How many words may be read from `address` in one frame before the model's limit or group boundary.

@@ -75,6 +75,32 @@ impl CodeText {
     }
 }
 
+/// What the drive means by an exception.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ExceptionKind {
+    /// It cannot do it at the moment.
+    Busy,
+    /// It is locked against it.
+    Locked,
+    /// It does not do it while a trip holds.
+    InTrip,
+    /// The request reached it damaged.
+    DamagedFrame,
+}
+
+impl ExceptionKind {
+    /// The word used in model files.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Busy => "busy",
+            Self::Locked => "locked",
+            Self::InTrip => "in-trip",
+            Self::DamagedFrame => "damaged-frame",
+        }
+    }
+}
+
 /// An exchange whose reply cannot be mistaken for a late one. Once it succeeds, no late reply can follow.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Barrier {

@@ -109,7 +109,9 @@ pub(super) fn barriers(barriers: &[Barrier]) -> Vec<Row> {
 
 pub(super) fn exceptions(model: &Model) -> Vec<Row> {
     let rows = model.exceptions.iter().map(|it| {
-        vec![format!("{:02X} hex", it.code), it.text.clone(), it.confidence.word().to_owned(), it.source.clone()]
+        let kind = u8::try_from(it.code).ok().and_then(|code| model.exception_kind(code));
+        let text = kind.map_or_else(|| it.text.clone(), |kind| format!("{} ({})", it.text, kind.word()));
+        vec![format!("{:02X} hex", it.code), text, it.confidence.word().to_owned(), it.source.clone()]
     });
     rows.collect()
 }

@@ -18,6 +18,10 @@ impl SimDrive {
         if !self.hears(at) {
             return false;
         }
+        if let Some(code) = self.objects_with() {
+            out.extend([pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT, code]);
+            return true;
+        }
         let done = self.serve(at, pdu, exchange, out);
         let objection = match done {
             Ok(()) => None,
@@ -50,6 +54,13 @@ impl SimDrive {
         if self.serve(at, pdu, 0, &mut Vec::new()).is_ok() {
             self.heard(at);
         }
+    }
+
+    /// The code of the exception with which it answers the present request whatever that is.
+    fn objects_with(&mut self) -> Option<u8> {
+        let (kind, times) = self.objects.take()?;
+        self.objects = Some((kind, times.checked_sub(1)?)).filter(|(_, left)| *left > 0);
+        self.model.exception_kinds.iter().find(|(_, of)| *of == kind).map(|(code, _)| *code)
     }
 
     fn hears(&self, at: MonoTime) -> bool {

@@ -36,7 +36,7 @@ use super::trip::TripLog;
 use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, Role};
+use crate::profile::model::{ExceptionKind, Model, Role};
 use control::{Control, RunClock};
 use memory::{Memory, MemoryAddress, index_of, time};
 use std::sync::Arc;
@@ -63,6 +63,8 @@ pub struct SimDrive {
     /// The active trips, where each has a bit.
     trip_bits: u16,
     powered: bool,
+    /// The next requests are answered with this exception and not executed.
+    objects: Option<(ExceptionKind, u32)>,
     /// It ignores requests before this moment.
     deaf_until: MonoTime,
     /// When it last received a request that it could serve.
@@ -91,6 +93,7 @@ impl SimDrive {
             warning: 0,
             trip_bits: 0,
             powered: true,
+            objects: None,
             deaf_until: MonoTime::ZERO,
             last_heard: MonoTime::ZERO,
             has_expired: false,
@@ -174,6 +177,11 @@ impl SimDrive {
     /// Shows the warning with this number, or the warnings with these bits; 0 for none. The motor goes on.
     pub const fn set_warning(&mut self, warning: u16) {
         self.warning = warning;
+    }
+
+    /// Answers the next `times` requests with the model's exception of this `kind`, without executing them.
+    pub const fn object(&mut self, kind: ExceptionKind, times: u32) {
+        self.objects = Some((kind, times));
     }
 
     /// Sets or clears the alarm that status words show.

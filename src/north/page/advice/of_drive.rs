@@ -156,6 +156,9 @@ fn refused(last: &Report) -> Option<String> {
             "it may be locked against changes over the bus, or the motor must stand still for it"
         }
         (_, Reason::DriveException) => "look up the register and what may be written to it in the drive's manual",
+        (_, Reason::DriveBusy) => "order it again",
+        (_, Reason::DriveLocked) => "unlock its parameters at the drive",
+        (_, Reason::DriveInTrip) => "reset its trip first",
         (_, Reason::LocalControl) => "give control to the bus at the drive",
         (_, Reason::Precondition) => "`vfd-gateway verify` lists what must be set, `enable` sets it",
         (_, Reason::OtherDrive) => "check the station number and the model in the configuration",
