@@ -35,6 +35,8 @@ mod corpus;
 mod fuzz_targets;
 #[path = "properties/line_core.rs"]
 mod line_core;
+#[path = "properties/run_words.rs"]
+mod run_words;
 
 #[allow(dead_code, reason = "shared with the bench, which uses more of it")]
 mod simulation;

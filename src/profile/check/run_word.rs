@@ -143,6 +143,11 @@ fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: 
     if is_refused || is_shared || !is_complete(run) {
         return;
     }
+    if senses.contradicts(word.value) {
+        let what = format!("0x{:04X} orders forward and reverse at once", word.value);
+        problems.push(word.location.problem(what).right("a single direction"));
+        return;
+    }
     let needed = match order {
         Order::Forward => return runs(Direction::Forward, word, &senses, problems),
         Order::Reverse => return runs(Direction::Reverse, word, &senses, problems),
@@ -179,7 +184,6 @@ fn runs(direction: Direction, word: &Spanned<u16>, senses: &WordSenses, problems
     };
     let (what, right) = match found {
         Some(found) if found == direction => return,
-        None if senses.contradicts(word.value) => ("orders forward and reverse at once", "a single direction"),
         None => ("does not say in which direction the motor runs", "a word that means `forward` or `reverse`"),
         Some(Direction::Forward) => ("runs the motor forward", "a word that runs it in reverse"),
         Some(Direction::Reverse) => ("runs the motor in reverse", "a word that runs it forward"),
@@ -275,7 +279,7 @@ fn by_bits(senses: &WordSenses) -> Option<ZeroWord> {
         WordEffect::Coast => Some(ZeroWord::Coast),
         WordEffect::Stop => Some(ZeroWord::Stop),
         WordEffect::Nothing => Some(ZeroWord::Nothing),
-        WordEffect::Trip | WordEffect::Run(_) | WordEffect::Toggle => None,
+        WordEffect::Trip | WordEffect::Run(_) | WordEffect::Turns => None,
     }
 }
 
@@ -439,6 +443,10 @@ mod tests {
             ],
         );
         let found = told_of(&turns);
+        // A run order that stays would be turned round by a 0.
+        let reversed = changed(ZERO_NOTHING, &[("\"0\" = \"nothing\"", "\"0\" = \"reverse\"")]);
+        let expected = "run.zero.value: by its bits and fields the word 0 moves the motor, or trips the drive ->";
+        assert!(told_of(&reversed).contains(expected), "{}", told_of(&reversed));
         assert!(
             found.contains("run.zero.value: by its bits and fields the word 0 moves the motor, or trips the drive ->"),
             "{found}"

@@ -158,8 +158,8 @@ pub enum WordEffect {
     Stop,
     /// It runs; `None`: the word does not say in which direction.
     Run(Option<Direction>),
-    /// It changes the direction.
-    Toggle,
+    /// A motor that runs changes its direction, or may do so.
+    Turns,
     /// It goes on as it was ordered before.
     Nothing,
 }
@@ -189,7 +189,7 @@ impl WordSenses {
     /// What the drive does with `word`. What keeps a motor from turning takes precedence.
     #[must_use]
     pub fn effect(&self, word: u16) -> WordEffect {
-        use BitMeaning::{BusRun, Coast, DcBrake, Freeze, Ignored, QuickStop, Stop, Toggle, Trip};
+        use BitMeaning::{BusRun, Coast, DcBrake, Forward, Freeze, Ignored, QuickStop, Reverse, Stop, Toggle, Trip};
         let has = |meaning| self.has(word, meaning);
         if has(Ignored) {
             WordEffect::Ignored
@@ -204,9 +204,11 @@ impl WordSenses {
         } else if has(Freeze) {
             WordEffect::Nothing
         } else if has(Toggle) {
-            WordEffect::Toggle
+            WordEffect::Turns
         } else if self.held(word).any(|sense| sense.meaning.turns()) {
             WordEffect::Run(self.direction(word))
+        } else if self.exists(Stop) && self.held(word).any(|sense| matches!(sense.meaning, Forward | Reverse)) {
+            WordEffect::Turns
         } else if self.exists(Stop) {
             WordEffect::Nothing
         } else {

@@ -113,17 +113,17 @@ fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<Ru
         return Some(RunOrder { is_ignored: true, ..RunOrder::default() });
     }
     let stops = has(Stop) || has(QuickStop) || has(DcBrake);
-    let said = match (has(Forward) || has(RunForward), has(Reverse) || has(RunReverse)) {
-        (true, true) => return None,
-        (true, false) => Some(1),
-        (false, true) => Some(-1),
-        (false, false) => None,
-    };
+    let forward = has(Forward) || has(RunForward);
+    let reverse = has(Reverse) || has(RunReverse);
+    let said = forward.then_some(1).or(reverse.then_some(-1));
     let turns = has(Run) || has(RunForward) || has(RunReverse) || has(Jog);
     let motion = match (stops, turns) {
         (true, _) => Motion::Stop,
+        _ if has(Coast) || has(Trip) => Motion::Stop,
         _ if has(Freeze) => Motion::Freeze,
         _ if has(Toggle) => Motion::Toggle,
+        // Both at once mean nothing to a motor that may turn.
+        _ if forward && reverse && (turns || latches) => return None,
         (_, true) => Motion::Run(said.unwrap_or_else(|| unsaid(run))),
         _ if latches => Motion::Keep(said),
         _ => Motion::Stop,
