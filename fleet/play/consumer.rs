@@ -6,7 +6,7 @@ use crate::books::{Mark, Receipt};
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::sync::Notify;
-use vfd_gateway::daemon::mqtt::{Packet, Rival, Talk};
+use vfd_gateway::daemon::mqtt::{Packet, Protocol, Rival};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::north::broker::{Event, Filter, Message, Publication, Qos, Version};
 use vfd_gateway::north::clock::Moment;
@@ -84,7 +84,7 @@ impl Consumer {
     }
 }
 
-impl Talk for Consumer {
+impl Protocol for Consumer {
     fn will(&self) -> Publication {
         Publication {
             topic: format!("{}/consumer-{}/status", self.board.plan.shape.prefix, self.number + 1),

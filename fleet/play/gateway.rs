@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::sync::Notify;
-use vfd_gateway::daemon::mqtt::{Packet, Rival, Talk};
+use vfd_gateway::daemon::mqtt::{Packet, Protocol, Rival};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::north::broker::{Event, Publication, Qos};
 use vfd_gateway::north::clock::Moment;
@@ -165,7 +165,7 @@ const fn parts(token: Token) -> (usize, u32) {
     ((token >> 32) as usize, (token & u32::MAX as u64) as u32)
 }
 
-impl Talk for Gateway {
+impl Protocol for Gateway {
     fn will(&self) -> Publication {
         self.status("offline")
     }

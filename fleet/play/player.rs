@@ -12,7 +12,7 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::task::LocalSet;
 use tokio::time::{sleep, timeout};
-use vfd_gateway::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Rival, Talk, converse};
+use vfd_gateway::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Protocol, Rival, converse};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::north::broker::{Event, Publication, Qos};
 use vfd_gateway::north::clock::Moment;
@@ -75,7 +75,13 @@ fn ramp(number: usize, per_second: u32) -> Duration {
     Duration::from_secs_f64(number as f64 / f64::from(per_second.max(1)))
 }
 
-async fn talk_until_over<T: Talk>(board: &Board, settings: ConnectionSettings, talk: T, bell: &Notify, over: &Notify) {
+async fn talk_until_over<T: Protocol>(
+    board: &Board,
+    settings: ConnectionSettings,
+    talk: T,
+    bell: &Notify,
+    over: &Notify,
+) {
     let talk = RefCell::new(talk);
     let counters = Counters::default();
     let look = async {
@@ -107,7 +113,7 @@ struct Visitor {
     over: Rc<Notify>,
 }
 
-impl Talk for Visitor {
+impl Protocol for Visitor {
     fn will(&self) -> Publication {
         let topic = "fleet/visitor".to_owned();
         let payload = Vec::new();

@@ -6,7 +6,7 @@
 use super::feed::{Feed, chunks};
 use std::ops::Range;
 use vfd_gateway::domain::link::Framing;
-use vfd_gateway::wire::frame::{Expected, Found};
+use vfd_gateway::wire::frame::{Expected, FoundFrame};
 use vfd_gateway::wire::framing::{self, Assembler};
 use vfd_gateway::wire::rtu::{self, ReplyLength};
 use vfd_gateway::wire::{crc, pdu::function};
@@ -43,7 +43,7 @@ fn hear<'a>(
     framing: Framing,
     expected: Option<&Expected>,
     chunks: impl IntoIterator<Item = &'a [u8]>,
-) -> (Vec<Found>, Vec<u8>) {
+) -> (Vec<FoundFrame>, Vec<u8>) {
     let mut assembler = Assembler::new(framing);
     let mut found = Vec::new();
     let mut put_in = Vec::new();
@@ -68,7 +68,7 @@ fn hear<'a>(
 }
 
 /// A frame is sound and formats back; after noise an RTU frame is the expected one.
-fn check(framing: Framing, expected: Option<&Expected>, found: &Found) {
+fn check(framing: Framing, expected: Option<&Expected>, found: &FoundFrame) {
     assert!(found.adu.len() <= framing::max_adu_bytes(framing), "{} bytes", found.adu.len());
     let (station, pdu) = framing::decode(framing, &found.adu).expect("what is found is sound");
     let mut again = Vec::new();

@@ -1,9 +1,9 @@
 //! Modbus TCP listeners: they carry bytes between sockets and [`Connection`] machines.
 
 mod accepting;
+mod admission;
 mod calls;
 mod certificate;
-mod hall;
 mod handshake;
 mod listener;
 mod security;
@@ -25,9 +25,9 @@ use crate::daemon::service::stall::Stalls;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Limits, Places, UnsentAttempt};
+use crate::north::modbus::{Commands, Connection, Counters, Limits, Slots, UnsentAttempt};
+use admission::{Admission, Dismissal, Seat};
 use certificate::Certificate;
-use hall::{Dismissal, Hall, Seat};
 use handshake::Handshakes;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
@@ -53,7 +53,7 @@ pub struct Server {
     keeper: Rc<Keeper>,
     clients: RefCell<HashMap<AskerId, Rc<Client>>>,
     handshakes: Handshakes,
-    hall: Rc<Hall>,
+    admission: Rc<Admission>,
     spare: Spare,
     told: RateLimitedLog,
     stalls: Arc<Stalls>,
@@ -115,8 +115,8 @@ impl Server {
 
     /// The same server with at most `most` connections.
     #[must_use]
-    pub fn with_places(self, most: usize) -> Self {
-        self.hall.places.replace(Places::new(most));
+    pub fn with_slots(self, most: usize) -> Self {
+        self.admission.slots.replace(Slots::new(most));
         self
     }
 
@@ -335,7 +335,7 @@ impl Client {
         self.bell.notify_one();
     }
 
-    /// Adds new counts to the totals, and reports activity and unread bytes to the hall.
+    /// Adds new counts to the totals, and reports activity and unread bytes to the state that all connections share.
     fn count(&self) {
         let (now, unread) = {
             let machine = self.machine.borrow();
@@ -383,9 +383,9 @@ fn instant_of(now: MonoTime, at: MonoTime) -> Instant {
 }
 
 #[cfg(test)]
-mod audit_tests;
+mod admission_tests;
 #[cfg(test)]
-mod hall_tests;
+mod audit_tests;
 #[cfg(test)]
 mod issuing;
 #[cfg(test)]

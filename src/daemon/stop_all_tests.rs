@@ -5,7 +5,7 @@ use crate::daemon::exchange::inbox::Inbox;
 use crate::daemon::exchange::shared::{Current, Shared};
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
-use crate::daemon::mqtt::Talk;
+use crate::daemon::mqtt::Protocol;
 use crate::daemon::mqtt::speaker::Speaker;
 use crate::daemon::service::build;
 use crate::daemon::service::conversations::BrokerSide;

@@ -6,8 +6,8 @@ mod tests;
 
 use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard, answer_in};
+use super::occupancy::Occupancy;
 use super::own_echo::OwnEcho;
-use super::talk::Talk;
 use super::timing::Timing;
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
@@ -46,7 +46,7 @@ pub struct Wire {
     /// Until then the drives are busy with a broadcast.
     held_until: MonoTime,
     /// Since when bytes have been arriving without a silence long enough for one of our frames.
-    talk: Talk,
+    occupancy: Occupancy,
     /// Whether replies take time on the wire, so that one can be too early.
     is_timed: bool,
     /// Whether the first copy of each of our frames is removed from the received data.
@@ -67,7 +67,7 @@ impl Wire {
             quiet_from: now,
             last_byte_at: now,
             held_until: MonoTime::ZERO,
-            talk: Talk::new(now),
+            occupancy: Occupancy::new(now),
             is_timed: false,
             strips_echo: false,
             own_echo: OwnEcho::default(),
@@ -104,14 +104,14 @@ impl Wire {
     /// Since when others have been sending without a silence long enough for a frame; `None` if that is over at `now`.
     #[must_use]
     pub fn talks_since(&self, now: MonoTime) -> Option<MonoTime> {
-        (now < self.pause_at() && self.talk.since() < self.last_byte_at).then_some(self.talk.since())
+        (now < self.pause_at() && self.occupancy.since() < self.last_byte_at).then_some(self.occupancy.since())
     }
 
     /// A port of this `kind` was opened at `now`: whatever was on the wire is over.
     pub fn port_opened(&mut self, now: MonoTime, kind: PortKind) {
         self.abandon(now);
         self.last_byte_at = now;
-        self.talk = Talk::new(now);
+        self.occupancy = Occupancy::new(now);
         self.is_timed = kind == PortKind::Serial;
     }
 
@@ -131,7 +131,7 @@ impl Wire {
             Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
-        self.talk.sent(now, self.pause_at(), reply_due);
+        self.occupancy.sent(now, self.pause_at(), reply_due);
         // A reply that began in time is complete by then; anything longer is not a reply.
         let give_up = reply_due + self.timing.on_wire(reply_bytes) + self.timing.silence;
         self.flush_idle_bytes();
@@ -159,7 +159,7 @@ impl Wire {
         self.flush_idle_bytes();
         self.quiet_from = now + self.timing.on_wire(out.len());
         self.held_until = self.quiet_from + turnaround;
-        self.talk.sent(now, self.pause_at(), self.held_until);
+        self.occupancy.sent(now, self.pause_at(), self.held_until);
         self.own_echo.await_copy_of(out, true, now);
     }
 
@@ -172,7 +172,7 @@ impl Wire {
         } else {
             self.end_before_hole(now, bytes.len())
         };
-        self.talk.heard(now, self.pause_at());
+        self.occupancy.heard(now, self.pause_at());
         self.last_byte_at = now;
         self.quiet_from = self.quiet_from.max(now);
         self.arrivals.read(bytes.len(), now);

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
     use crate::domain::address::Table;
     use crate::domain::link::Framing;
-    use crate::wire::frame::Found;
+    use crate::wire::frame::FoundFrame;
     use crate::wire::framing::Assembler;
     use crate::wire::pdu::{Reply, Request, encode_read_reply};
 
@@ -142,7 +142,7 @@ mod tests {
         Expected { station: 1, function: request.function(), adu_bytes: adu_bytes(request.reply_pdu_bytes()) }
     }
 
-    fn found_in(stream: &[u8], chunk: usize) -> (Vec<Found>, Vec<u8>) {
+    fn found_in(stream: &[u8], chunk: usize) -> (Vec<FoundFrame>, Vec<u8>) {
         let mut assembler = Assembler::new(Framing::Ascii);
         let mut found = Vec::new();
         for chunk in stream.chunks(chunk) {
@@ -152,8 +152,8 @@ mod tests {
         (found, assembler.end())
     }
 
-    fn frame(noise: &[u8], adu: &str) -> Found {
-        Found { noise: noise.to_vec(), adu: adu.as_bytes().to_vec() }
+    fn frame(noise: &[u8], adu: &str) -> FoundFrame {
+        FoundFrame { noise: noise.to_vec(), adu: adu.as_bytes().to_vec() }
     }
 
     #[test]

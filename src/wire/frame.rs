@@ -13,7 +13,7 @@ pub struct Expected {
 
 /// A sound frame found in the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct FoundFrame {
     /// Bytes before it that belong to no frame.
     pub noise: Vec<u8>,
     /// The whole frame as received.

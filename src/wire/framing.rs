@@ -1,6 +1,6 @@
 //! A common interface to both framings: frames are built, measured and found the same way on every line.
 
-use super::frame::{Expected, Found};
+use super::frame::{Expected, FoundFrame};
 use super::pdu::MAX_PDU_BYTES;
 use super::{ascii, rtu};
 use crate::domain::link::Framing;
@@ -67,7 +67,7 @@ impl Assembler {
     }
 
     /// Removes the next sound frame, with the noise before it.
-    pub fn take(&mut self, expected: Option<&Expected>) -> Option<Found> {
+    pub fn take(&mut self, expected: Option<&Expected>) -> Option<FoundFrame> {
         let place = match self.framing {
             Framing::Rtu => rtu::find(&self.bytes, expected),
             Framing::Ascii => ascii::find(&self.bytes),
@@ -75,16 +75,16 @@ impl Assembler {
         Some(self.take_out(place))
     }
 
-    fn take_out(&mut self, place: Range<usize>) -> Found {
+    fn take_out(&mut self, place: Range<usize>) -> FoundFrame {
         let adu = self.bytes[place.clone()].to_vec();
         let noise = self.bytes[..place.start].to_vec();
         self.bytes.drain(..place.end);
-        Found { noise, adu }
+        FoundFrame { noise, adu }
     }
 
     /// Removes the next sound frame that cannot be composed of parts of others, with the noise before it: see
     /// [`rtu::find_certain`]. `is_over`: the bytes are followed by silence.
-    pub fn take_certain(&mut self, expected: Option<&Expected>, is_over: bool) -> Option<Found> {
+    pub fn take_certain(&mut self, expected: Option<&Expected>, is_over: bool) -> Option<FoundFrame> {
         let (Framing::Rtu, Some(expected)) = (self.framing, expected) else { return self.take(expected) };
         let place = rtu::find_certain(&self.bytes, expected, is_over)?;
         Some(self.take_out(place))

@@ -146,7 +146,7 @@ fn adu_bytes_at(expected: &Expected, bytes: &[u8]) -> Option<usize> {
 mod tests {
     use super::*;
     use crate::domain::link::Framing;
-    use crate::wire::frame::Found;
+    use crate::wire::frame::FoundFrame;
     use crate::wire::framing::Assembler;
 
     const EXPECTED: Expected = Expected { station: 1, function: 3, adu_bytes: 7 };
@@ -160,7 +160,7 @@ mod tests {
             assert_eq!(assembler.take(Some(&EXPECTED)), None);
         }
         assembler.push(&REPLY[6..]);
-        assert_eq!(assembler.take(Some(&EXPECTED)), Some(Found { noise: vec![], adu: REPLY.to_vec() }));
+        assert_eq!(assembler.take(Some(&EXPECTED)), Some(FoundFrame { noise: vec![], adu: REPLY.to_vec() }));
         assert!(assembler.is_empty());
     }
 

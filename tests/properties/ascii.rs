@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::ascii;
-use vfd_gateway::wire::frame::{Expected, Found};
+use vfd_gateway::wire::frame::{Expected, FoundFrame};
 use vfd_gateway::wire::framing::Assembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 
@@ -35,7 +35,7 @@ fn has_a_frame(bytes: &[u8]) -> bool {
 }
 
 /// All that is found in `chunks`, and what is left.
-fn found_in<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<Found>, Vec<u8>) {
+fn found_in<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<FoundFrame>, Vec<u8>) {
     let mut assembler = Assembler::new(Framing::Ascii);
     let mut found = Vec::new();
     for chunk in chunks {
@@ -60,7 +60,7 @@ proptest! {
         let reply = reply(station, &words, lower);
         let stream = [noise.as_slice(), &reply].concat();
         let (found, rest) = found_in(stream.chunks(chunk));
-        prop_assert_eq!((found, rest), (vec![Found { noise, adu: reply.clone() }], vec![]));
+        prop_assert_eq!((found, rest), (vec![FoundFrame { noise, adu: reply.clone() }], vec![]));
 
         let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         prop_assert_eq!(reply.len(), ascii::adu_bytes(request.reply_pdu_bytes()));
@@ -81,7 +81,7 @@ proptest! {
     ) {
         let (first, second) = (reply(1, &first, lower), reply(2, &second, !lower));
         let glued = [first.as_slice(), &second].concat();
-        let alone = |adu: Vec<u8>| Found { noise: Vec::new(), adu };
+        let alone = |adu: Vec<u8>| FoundFrame { noise: Vec::new(), adu };
         prop_assert_eq!(found_in(glued.chunks(chunk)), (vec![alone(first), alone(second)], vec![]));
     }
 

@@ -113,7 +113,7 @@ fn the_table_of_bounds_names_every_queue_as_it_is() {
     use vfd_gateway::daemon::exchange::inbox;
     let tables = include_str!("../../docs/design/bounds.md");
     let rows = [
-        ("Modbus TCP connections", vfd_gateway::north::modbus::Places::MOST),
+        ("Modbus TCP connections", vfd_gateway::north::modbus::Slots::MOST),
         ("requests of a connection", vfd_gateway::north::modbus::Limits::default().pending_max),
         ("messages for a line: reads", inbox::INBOX_MAX),
         ("then writes, commands, heartbeats", inbox::COMMANDS_MAX),

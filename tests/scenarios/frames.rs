@@ -3,7 +3,7 @@
 use serde_json::Value;
 use vfd_gateway::domain::address::Table;
 use vfd_gateway::domain::link::Framing;
-use vfd_gateway::wire::frame::{Expected, Found};
+use vfd_gateway::wire::frame::{Expected, FoundFrame};
 use vfd_gateway::wire::framing::Assembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 use vfd_gateway::wire::rtu;
@@ -88,7 +88,7 @@ fn replies() -> Vec<(Entry, Vec<u8>)> {
 }
 
 /// Everything that an assembler finds in `chunks`, and what is left once the line is silent.
-fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<Found>, Vec<u8>) {
+fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<FoundFrame>, Vec<u8>) {
     let mut assembler = Assembler::new(Framing::Rtu);
     let mut found = Vec::new();
     for chunk in chunks {
@@ -100,8 +100,8 @@ fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> 
     (found, assembler.end())
 }
 
-fn frame(noise: &[u8], adu: &[u8]) -> Found {
-    Found { noise: noise.to_vec(), adu: adu.to_vec() }
+fn frame(noise: &[u8], adu: &[u8]) -> FoundFrame {
+    FoundFrame { noise: noise.to_vec(), adu: adu.to_vec() }
 }
 
 fn noise(seed: u64, length: usize) -> Vec<u8> {

@@ -1,13 +1,13 @@
 //! Additions to `--help` of each command: background, examples that work, exit codes.
 
-mod lessons;
+mod texts;
 
 use clap::Command;
-use lessons::LESSONS;
 use std::fmt::Write;
+use texts::HELP_TEXTS;
 
 /// Additional help for a command.
-struct Lesson {
+struct HelpText {
     /// The command with its sub-command.
     command: &'static str,
     /// In sentences; empty if its options are enough.
@@ -18,7 +18,7 @@ struct Lesson {
     exits: &'static str,
 }
 
-impl Lesson {
+impl HelpText {
     fn text(&self) -> String {
         let mut text = String::new();
         if !self.about.is_empty() {
@@ -35,18 +35,18 @@ impl Lesson {
 
 /// The command line `plain` with everything that `--help` and the manual show.
 pub fn complete(plain: Command) -> Command {
-    taught(plain, "")
+    with_texts(plain, "")
 }
 
-/// `command`, which is invoked by `words`, with its lesson and those of its sub-commands.
-fn taught(command: Command, words: &str) -> Command {
+/// `command`, which is invoked by `words`, with its help and those of its sub-commands.
+fn with_texts(command: Command, words: &str) -> Command {
     let names: Vec<_> = command.get_subcommands().map(|it| it.get_name().to_owned()).collect();
     let command = names.into_iter().fold(command, |command, name| {
         let words = format!("{words} {name}");
-        command.mut_subcommand(name, |sub| taught(sub, words.trim()))
+        command.mut_subcommand(name, |sub| with_texts(sub, words.trim()))
     });
-    match LESSONS.iter().find(|lesson| lesson.command == words) {
-        Some(lesson) => command.after_long_help(lesson.text()),
+    match HELP_TEXTS.iter().find(|help| help.command == words) {
+        Some(help) => command.after_long_help(help.text()),
         None => command,
     }
 }
@@ -72,10 +72,7 @@ mod tests {
             assert!(command.get_about().is_some(), "{words} has no sentence");
             let after = command.get_after_long_help().or(command.get_after_help());
             let after = after.map(ToString::to_string).unwrap_or_default();
-            assert!(
-                after.contains("Examples:\n"),
-                "`{words}` shows no example: give it a lesson in cli/help/lessons.rs"
-            );
+            assert!(after.contains("Examples:\n"), "`{words}` shows no example: give it a help in cli/help/texts.rs");
             assert!(after.contains("Exit codes: 0"), "`{words}` says nothing of its exit codes");
             for arg in command.get_arguments() {
                 assert!(arg.get_help().is_some(), "`{words}`: {} is not explained", arg.get_id());
@@ -87,23 +84,23 @@ mod tests {
     #[test]
     fn every_example_is_taken() {
         let known: BTreeSet<_> = all(&command(), "").into_iter().map(|(words, _)| words).collect();
-        for lesson in LESSONS {
-            assert!(known.contains(lesson.command), "there is no command {}", lesson.command);
-            for (line, _) in lesson.examples {
+        for help in HELP_TEXTS {
+            assert!(known.contains(help.command), "there is no command {}", help.command);
+            for (line, _) in help.examples {
                 let (_, typed) = line.split_once("vfd-gateway ").unwrap();
                 let typed = typed.split(['|', '>', ')']).next().unwrap_or_default();
                 let args = std::iter::once("vfd-gateway").chain(typed.split_whitespace());
                 let matches = command().try_get_matches_from(args);
                 let matches = matches.unwrap_or_else(|error| panic!("{line}: {error}"));
                 assert!(Cli::from_arg_matches(&matches).is_ok(), "{line}");
-                assert!(line.contains(lesson.command), "{line} is no example of {}", lesson.command);
+                assert!(line.contains(help.command), "{line} is no example of {}", help.command);
             }
         }
     }
 
     #[test]
     fn a_command_has_one_lesson() {
-        let commands: BTreeSet<_> = LESSONS.iter().map(|lesson| lesson.command).collect();
-        assert_eq!(commands.len(), LESSONS.len());
+        let commands: BTreeSet<_> = HELP_TEXTS.iter().map(|help| help.command).collect();
+        assert_eq!(commands.len(), HELP_TEXTS.len());
     }
 }

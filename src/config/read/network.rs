@@ -6,7 +6,7 @@ use super::super::words::{ROLE_RIGHTS, RoleRight};
 use super::tables::{absolute_path, each, inner, refuse_not_served, turned};
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::problem::Problem;
-use crate::north::modbus::Places;
+use crate::north::modbus::Slots;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use ipnet::IpNet;
@@ -14,7 +14,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-const CONNECTIONS: RangeInclusive<u32> = 1..=Places::MOST as u32;
+const CONNECTIONS: RangeInclusive<u32> = 1..=Slots::MOST as u32;
 const IDLE_TIMEOUT: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(24 * 3600);
 const KEEP_ALIVE: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(2 * 3600);
 

@@ -1,6 +1,6 @@
 //! How many files the process may have open, and for how many connections that leaves room.
 
-use crate::north::modbus::Places;
+use crate::north::modbus::Slots;
 use rustix::event::{EventfdFlags, eventfd};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::cell::RefCell;
@@ -15,7 +15,7 @@ const KEPT: u64 = 384;
 #[must_use]
 pub fn room_for_connections() -> usize {
     let limit = getrlimit(Resource::Nofile);
-    let useful = Places::MOST as u64 + KEPT;
+    let useful = Slots::MOST as u64 + KEPT;
     let wanted = limit.maximum.unwrap_or(u64::MAX).min(useful);
     let before = limit.current.unwrap_or(u64::MAX);
     if before >= wanted {
@@ -33,7 +33,7 @@ pub fn room_for_connections() -> usize {
 /// The connections that `files` leave room for: all but [`KEPT`], or half of them if that is more.
 fn connections(files: u64) -> usize {
     let connections = files.saturating_sub(KEPT).max(files / 2);
-    usize::try_from(connections).unwrap_or(usize::MAX).min(Places::MOST)
+    usize::try_from(connections).unwrap_or(usize::MAX).min(Slots::MOST)
 }
 
 /// A spare descriptor. Released when there are no others, it lets one more connection be accepted, so that its peer is
@@ -75,7 +75,7 @@ mod tests {
         let room = room_for_connections();
         let limit = getrlimit(Resource::Nofile);
         assert_eq!(room, connections(limit.current.unwrap_or(u64::MAX)));
-        let useful = Places::MOST as u64 + KEPT;
+        let useful = Slots::MOST as u64 + KEPT;
         assert!(limit.current.is_none_or(|it| it >= limit.maximum.unwrap_or(u64::MAX).min(useful)), "{limit:?}");
     }
 

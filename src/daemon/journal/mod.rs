@@ -2,11 +2,12 @@
 //!
 //! Lines and north sides put rows into the `inbox` and never wait. The `writer` takes all of them, writes them in one
 //! transaction, and reports to each line up to which row everything is kept. What cannot be written waits in its
-//! `Book`, which is bounded; control continues. `teller` passes trip events to the MQTT side. `upkeep` checks the file
+//! `Book`, which is bounded; control continues. `event_sender` passes trip events to the MQTT side. `upkeep` checks the file
 //! and empties its log, on another thread.
 
 mod aside;
 mod database;
+mod event_sender;
 mod events;
 mod inbox;
 pub mod listing;
@@ -17,7 +18,6 @@ pub mod schema;
 pub mod search;
 pub mod status;
 mod store;
-mod teller;
 mod upkeep;
 mod writer;
 

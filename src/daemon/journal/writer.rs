@@ -1,11 +1,11 @@
 //! The writer thread: it writes all that waits in one transaction, then reports what is kept.
 
 use super::database::{Database, DatabaseState};
+use super::event_sender::EventSender;
 use super::inbox::{Inbox, Post};
 use super::origin::Origin;
 use super::status::Status;
 use super::store::Store;
-use super::teller::Teller;
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::inbox::Message;
 use crate::daemon::host::clock;
@@ -38,7 +38,7 @@ pub struct Writer {
     status: Arc<Status>,
     sides: NorthSides,
     changed: Arc<Bell>,
-    teller: Teller,
+    event_sender: EventSender,
     upkeep: SyncSender<()>,
     taken: BTreeSet<u64>,
     /// The newest row of each line that is in the book, of which the line is to be notified.
@@ -71,7 +71,7 @@ impl Writer {
         for drive in &found.damaged {
             tracing::error!(drive, "ALARM: remembered state of the drive is damaged; starting without it");
         }
-        let teller = Teller::new(sides.mqtt.clone(), Arc::clone(&changed));
+        let event_sender = EventSender::new(sides.mqtt.clone(), Arc::clone(&changed));
         Self {
             store,
             book: Book::new(found.memory),
@@ -79,7 +79,7 @@ impl Writer {
             status,
             sides,
             changed,
-            teller,
+            event_sender,
             upkeep,
             taken: BTreeSet::new(),
             rows: BTreeMap::new(),
@@ -105,7 +105,7 @@ impl Writer {
         let mut batch = Vec::new();
         loop {
             self.write();
-            self.teller.serve(&mut self.store);
+            self.event_sender.serve(&mut self.store);
             self.tell_lines();
             let (lost, is_closed) = self.inbox.take(&mut batch, self.wait());
             self.lose(lost);
@@ -162,7 +162,7 @@ impl Writer {
                 self.book.attempt(source, drive.as_ref(), at, &attempt, &label);
             }
             Post::Note(row) => self.book.note(row),
-            Post::WantEvents(after) => self.teller.want(after),
+            Post::WantEvents(after) => self.event_sender.want(after),
             Post::EventTaken(seq) => {
                 if self.taken.len() < TAKEN_MAX {
                     self.taken.insert(seq);
@@ -212,7 +212,7 @@ impl Writer {
         self.tell_lines();
         self.wake_answers();
         if has_trip {
-            self.teller.kept();
+            self.event_sender.kept();
         }
         self.look_after(rows);
     }

@@ -1,6 +1,6 @@
 //! Accepting connections, also when the system has no descriptors left.
 
-use super::hall::Seat;
+use super::admission::Seat;
 use super::handshake::{Shaken, shake};
 use super::stream::Stream;
 use super::{Listener, Proven, Server};

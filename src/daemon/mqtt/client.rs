@@ -1,4 +1,4 @@
-//! Keeps a connection to the broker and carries messages between it and a [`Talk`].
+//! Keeps a connection to the broker and carries messages between it and a [`Protocol`].
 //!
 //! A connection is never repaired: after an error everything about it is dropped and a new one is made, with a new
 //! will, after a growing wait. Only this task touches the connection, and it never waits for room in its queue: while
@@ -14,7 +14,7 @@ use super::link::{self, Events};
 use super::retry::Retry;
 use super::settings::ConnectionSettings;
 use super::window::Window;
-use super::{Packet, Talk, tls};
+use super::{Packet, Protocol, tls};
 use crate::daemon::host::clock;
 use crate::daemon::service::stall::{LOOK_EVERY, Turns};
 use crate::north::broker::{Event, Refusal};
@@ -40,7 +40,7 @@ const LISTEN_MAX: Duration = Duration::from_secs(1);
 
 /// Talks to the broker until `stop`; then sends the farewell and returns. `bell` is to be rung when anything that the
 /// talk reads has changed. If dropped instead of stopped, the broker publishes the will.
-pub async fn converse<T: Talk>(
+pub async fn converse<T: Protocol>(
     settings: ConnectionSettings,
     talk: &RefCell<T>,
     bell: &Notify,
@@ -119,7 +119,7 @@ enum GivenUp {
     Left(&'static str),
 }
 
-impl<T: Talk> Client<'_, T> {
+impl<T: Protocol> Client<'_, T> {
     /// One connection, from the first byte to the last.
     async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> End {
         let chore = self.talk.borrow_mut().chore();

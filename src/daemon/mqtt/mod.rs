@@ -1,7 +1,7 @@
 //! The MQTT side of the daemon: a connection to the broker that is made again after every error, and the embedded
 //! broker.
 //!
-//! [`client`] serves a [`Talk`]: it keeps a connection, hands over what arrives, and sends what is due. The contents
+//! [`client`] serves a [`Protocol`]: it keeps a connection, hands over what arrives, and sends what is due. The contents
 //! are decided elsewhere.
 
 mod accepted;
@@ -44,7 +44,7 @@ use crate::north::clock::Moment;
 /// Commands in messages are executed in [`handle`](Self::handle) and [`tick`](Self::tick), never in
 /// [`next_packet`](Self::next_packet): that is not called while the queue to the broker is full, and a STOP must not
 /// wait for a publication.
-pub trait Talk {
+pub trait Protocol {
     /// Blocking work before the next connection; `None` for most. Requested before every connection, which waits for
     /// it.
     fn chore(&mut self) -> Option<Chore> {
@@ -89,6 +89,6 @@ pub enum Packet {
     /// Drop the connection and make a new one, for this reason.
     Reconnect(&'static str),
     /// The same after the last messages: an orderly end, after which the broker publishes no will unless
-    /// [`Talk::leaves_will`].
+    /// [`Protocol::leaves_will`].
     Leave(&'static str),
 }

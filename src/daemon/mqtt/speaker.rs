@@ -1,6 +1,6 @@
 //! The MQTT session with everything it reads: views, lines, answers.
 
-use super::{Packet, Rival, Talk};
+use super::{Packet, Protocol, Rival};
 use crate::daemon::exchange::answers::{AnswerBox, News};
 use crate::daemon::exchange::north_journal::{Journal, NorthJournal};
 use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
@@ -146,7 +146,7 @@ fn lines_of(shared: &Shared) -> Vec<Name> {
     shared.lines.iter().map(|line| line.name.clone()).collect()
 }
 
-impl Talk for Speaker {
+impl Protocol for Speaker {
     fn will(&self) -> Publication {
         self.session.will()
     }

@@ -58,7 +58,7 @@ struct Script {
     ticks: u32,
 }
 
-impl Talk for Script {
+impl Protocol for Script {
     fn unsent(&mut self) {
         self.unsent += 1;
     }

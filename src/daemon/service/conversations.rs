@@ -6,7 +6,7 @@ use crate::daemon::exchange::shared::Current;
 use crate::daemon::host::clock;
 use crate::daemon::http::State;
 use crate::daemon::mqtt::speaker::Speaker;
-use crate::daemon::mqtt::{self, ConnectionSettings, Counters, Talk};
+use crate::daemon::mqtt::{self, ConnectionSettings, Counters, Protocol};
 use crate::daemon::service::north_sides::NorthSides;
 use crate::daemon::sparkplug::BdSeq;
 use crate::daemon::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
@@ -194,7 +194,12 @@ impl<W> Conversation<W> {
     }
 }
 
-async fn speak<T: Talk>(connection: ConnectionSettings, speaker: T, changed: &Notify, stopped: oneshot::Receiver<()>) {
+async fn speak<T: Protocol>(
+    connection: ConnectionSettings,
+    speaker: T,
+    changed: &Notify,
+    stopped: oneshot::Receiver<()>,
+) {
     let speaker = RefCell::new(speaker);
     let counters = Counters::default();
     let stop = async {

@@ -205,7 +205,7 @@ impl North {
         }
         let control = Arc::new(Control::new(side, documents.live.moments().clone(), Front::default()));
         let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
-        let server = Rc::new(server.with_places(places(config)).with_stalls(stalls));
+        let server = Rc::new(server.with_slots(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();

@@ -33,10 +33,10 @@ impl Turns {
 
 /// The last stall, for all tasks that serve connections. Without [`watch`](Self::watch) none is found.
 #[derive(Debug, Default)]
-pub struct Stalls(Mutex<Seen>);
+pub struct Stalls(Mutex<LastStall>);
 
 #[derive(Debug, Default)]
-struct Seen {
+struct LastStall {
     turns: Option<Turns>,
     /// When the last stall was over.
     ended: Option<MonoTime>,
@@ -46,7 +46,7 @@ impl Stalls {
     /// A stall that has just ended, however long a test takes.
     #[cfg(test)]
     pub fn just_ended() -> Self {
-        Self(Mutex::new(Seen { turns: None, ended: Some(clock::now() + Duration::from_secs(3600)) }))
+        Self(Mutex::new(LastStall { turns: None, ended: Some(clock::now() + Duration::from_secs(3600)) }))
     }
 
     /// Watches the clock until the task is dropped.
@@ -73,7 +73,7 @@ impl Stalls {
         seen.ended
     }
 
-    fn lock(&self) -> MutexGuard<'_, Seen> {
+    fn lock(&self) -> MutexGuard<'_, LastStall> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     fn watched_at(ms: u64) -> Stalls {
-        Stalls(Mutex::new(Seen { turns: Some(Turns::new(at(ms))), ended: None }))
+        Stalls(Mutex::new(LastStall { turns: Some(Turns::new(at(ms))), ended: None }))
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
 use crate::daemon::exchange::to_lines::hand_over;
 use crate::daemon::exchange::totals::SparkplugTotals;
 use crate::daemon::host::random;
-use crate::daemon::mqtt::{Chore, Packet, Rival, Talk};
+use crate::daemon::mqtt::{Chore, Packet, Protocol, Rival};
 use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
@@ -144,7 +144,7 @@ fn lines_of(shared: &Shared) -> Vec<Name> {
     shared.lines.iter().map(|line| line.name.clone()).collect()
 }
 
-impl Talk for Speaker {
+impl Protocol for Speaker {
     fn chore(&mut self) -> Option<Chore> {
         let (number, chore) = self.bdseq.begin();
         self.session.connecting(number);

@@ -5,13 +5,13 @@
 
 mod events;
 mod journal;
+mod last_state;
 mod listeners;
 mod query;
 mod routes;
 mod source;
 #[cfg(test)]
 mod tests;
-mod told;
 
 pub(super) use routes::router;
 
@@ -23,6 +23,7 @@ use crate::daemon::host::random;
 use crate::north::clock::{Clock, Moment};
 use crate::north::operator::moments::{self, Moments};
 use crate::north::page::{Drive, LineUse, Present, Trends};
+use last_state::LastState;
 use listeners::{Listener, Listeners};
 use serde_json::Value;
 use source::Source;
@@ -31,7 +32,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::Semaphore;
 use tokio::time::MissedTickBehavior;
-use told::LastState;
 
 /// How often the views are compared, and a moment is sent to listeners.
 const TICK: Duration = moments::EVERY;
@@ -59,7 +59,7 @@ struct LiveState {
     trends: Trends,
     listeners: Listeners,
     /// What listeners have received; `None` while there is no listener.
-    told: Option<LastState>,
+    last: Option<LastState>,
 }
 
 impl Live {
@@ -73,7 +73,7 @@ impl Live {
             uses: BTreeMap::new(),
             trends: Trends::default(),
             listeners: Listeners::default(),
-            told: None,
+            last: None,
         };
         Self {
             state,
@@ -122,7 +122,7 @@ impl LiveState {
         }
         self.listeners.forget_gone();
         if self.listeners.is_empty() {
-            self.told = None;
+            self.last = None;
             return;
         }
         let source = Source {
@@ -131,11 +131,11 @@ impl LiveState {
             uses: &self.uses,
             present: Present { now, clock: &self.clock },
         };
-        let news = match &mut self.told {
-            Some(told) if !is_new => told.news(&source),
-            told => {
+        let news = match &mut self.last {
+            Some(last) if !is_new => last.news(&source),
+            last => {
                 let events = if is_new { events::event("configuration", "{}") } else { String::new() };
-                *told = Some(LastState::now(&source));
+                *last = Some(LastState::now(&source));
                 events + &events::event("state", &source.document().to_string())
             }
         };
@@ -161,13 +161,13 @@ impl LiveState {
 
     /// A new listener, with the state as its first event; `None` if too many large answers are unread.
     fn listen(&mut self, live: &Live, stay: super::lasting::Stay) -> Option<Listener> {
-        let (first, told) = self.source(live, |source| {
+        let (first, last) = self.source(live, |source| {
             let moment = live.moments.at(source.present.now);
             (events::first(&source.document().to_string(), &moment), LastState::now(source))
         });
         let first = live.room.pieces(first.into())?;
         // Existing listeners received an earlier state; keep that one, so that they get every change.
-        self.told.get_or_insert(told);
+        self.last.get_or_insert(last);
         Some(self.listeners.add(first, stay))
     }
 

@@ -1,6 +1,6 @@
 //! The farewell on a connection: last messages and DISCONNECT.
 
-use super::{Client, End, Events, Talk};
+use super::{Client, End, Events, Protocol};
 use crate::daemon::host::clock;
 use crate::north::broker::{Publication, Version};
 use std::collections::VecDeque;
@@ -13,7 +13,7 @@ const FAREWELL_MAX: Duration = Duration::from_secs(1);
 /// Closing first could lose messages that it has not read.
 const CLOSING_MAX: Duration = Duration::from_millis(200);
 
-impl<T: Talk> Client<'_, T> {
+impl<T: Protocol> Client<'_, T> {
     /// Sends the last messages and DISCONNECT, and waits for the broker to close the connection; all in bounded time.
     pub(super) async fn farewell(&mut self, events: &mut Events) -> End {
         if self.link.is_none() {

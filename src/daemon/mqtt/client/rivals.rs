@@ -1,10 +1,10 @@
 //! Another client that connects to the broker with our identifier.
 
-use super::{Client, Talk};
+use super::{Client, Protocol};
 use crate::daemon::mqtt::retry::Rival;
 use std::time::Duration;
 
-impl<T: Talk> Client<'_, T> {
+impl<T: Protocol> Client<'_, T> {
     /// The connection ended because another client has our identifier.
     pub(super) fn contested(&self, rival: Rival, wait: Duration) {
         let client_id = self.settings.client_id.as_str();

@@ -15,19 +15,19 @@ use std::sync::Arc;
 pub struct LastState {
     gateway: Gateway,
     lines: Vec<Value>,
-    drives: Vec<ToldDrive>,
+    drives: Vec<SentDrive>,
     advice: Vec<Finding>,
 }
 
 #[derive(Debug)]
-struct ToldDrive {
+struct SentDrive {
     view: Arc<DriveView>,
     /// When it has to be sent again although the view is the same.
     changes_at: MonoTime,
     advice: Vec<Finding>,
 }
 
-impl ToldDrive {
+impl SentDrive {
     fn now(source: &Source<'_>, line: &SharedLine, drive: &SharedDrive, view: Arc<DriveView>) -> Self {
         let changes_at = shown(line, drive, &view).changes_at(source.present.now);
         let advice = source.drive_advice(line, drive, &view);
@@ -38,7 +38,7 @@ impl ToldDrive {
 impl LastState {
     /// The state as of now, which is being sent.
     pub fn now(source: &Source<'_>) -> Self {
-        let drives = source.drives().map(|(line, drive, view)| ToldDrive::now(source, line, drive, view));
+        let drives = source.drives().map(|(line, drive, view)| SentDrive::now(source, line, drive, view));
         let mut told =
             Self { gateway: source.gateway(), lines: lines(source), drives: drives.collect(), advice: Vec::new() };
         told.advice = told.all_advice(source);
@@ -88,7 +88,7 @@ impl LastState {
                 *events += &event("trip", &trip.to_string());
             }
             changed.push(source.drive(line, drive, &view));
-            *told = ToldDrive::now(source, line, drive, view);
+            *told = SentDrive::now(source, line, drive, view);
         }
         changed
     }

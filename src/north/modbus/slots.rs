@@ -1,4 +1,4 @@
-//! Which connections have a place, and which gives way when all are taken. It knows no socket.
+//! Which connections have a slot, and which gives way when all are taken. It knows no socket.
 
 use crate::domain::ids::AskerId;
 use std::collections::BTreeMap;
@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RoomId(u64);
 
-/// The place of one connection; it is returned by [`Places::leave`].
+/// The slot of one connection; it is returned by [`Slots::leave`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Slot {
     /// One that may have to give way.
     Ordinary {
         /// The room it belongs to.
@@ -28,7 +28,7 @@ pub struct Newcomer {
     pub asker: AskerId,
     /// Its listener's room.
     pub room: RoomId,
-    /// Most ordinary connections there; `None`: as many as there are places.
+    /// Most ordinary connections there; `None`: as many as there are slots.
     pub room_max: Option<usize>,
     /// It never gives way.
     pub has_priority: bool,
@@ -37,20 +37,20 @@ pub struct Newcomer {
 /// What happens to a new connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// It has a place.
-    Free(Place),
-    /// It has the place of this connection, which is to be closed.
-    InsteadOf(Place, AskerId),
-    /// All places are taken, and no connection may be closed.
+    /// It has a slot.
+    Free(Slot),
+    /// It has the slot of this connection, which is to be closed.
+    InsteadOf(Slot, AskerId),
+    /// All slots are taken, and no connection may be closed.
     Full,
 }
 
 /// Whether a connection is waiting for an answer. Such a connection does not give way.
 pub type IsBusy<'a> = &'a dyn Fn(AskerId) -> bool;
 
-/// The places of all connections. Each call costs the logarithm of their number.
+/// The slots of all connections. Each call costs the logarithm of their number.
 #[derive(Debug)]
-pub struct Places {
+pub struct Slots {
     most: usize,
     last_room: u64,
     last_turn: u64,
@@ -60,22 +60,22 @@ pub struct Places {
     priority: usize,
 }
 
-impl Places {
+impl Slots {
     /// Most connections, whatever the system grants: what one takes is a few kilobytes.
     pub const MOST: usize = 65_536;
-    /// Places that are reserved for priority, or a quarter of all if there are few.
+    /// Slots that are reserved for priority, or a quarter of all if there are few.
     pub const RESERVED: usize = 16;
     /// Most connections that are checked for being busy before a new one is refused. A busy one has sent a request
     /// within the deadline, so those that have been silent for longer are ranked before it.
     const LOOKS_MAX: usize = 64;
 
-    /// `most` places, none of them taken.
+    /// `most` slots, none of them taken.
     #[must_use]
     pub const fn new(most: usize) -> Self {
         Self { most, last_room: 0, last_turn: 0, rooms: BTreeMap::new(), ordinary: 0, priority: 0 }
     }
 
-    /// How many places there are.
+    /// How many slots there are.
     #[must_use]
     pub const fn most(&self) -> usize {
         self.most
@@ -87,7 +87,7 @@ impl Places {
         RoomId(self.last_room)
     }
 
-    /// Gives a new connection a place, if necessary that of the connection that has been silent for longest: of its own
+    /// Gives a new connection a slot, if necessary that of the connection that has been silent for longest: of its own
     /// room if that is full, else of all.
     pub fn enter(&mut self, newcomer: Newcomer, is_busy: IsBusy<'_>) -> Entry {
         let gone = if newcomer.has_priority {
@@ -106,7 +106,7 @@ impl Places {
         }
     }
 
-    /// Takes the place of the ordinary connection that has been silent for longest, which is to be closed; `None` if
+    /// Takes the slot of the ordinary connection that has been silent for longest, which is to be closed; `None` if
     /// none may be closed.
     pub fn make_room(&mut self, is_busy: IsBusy<'_>) -> Option<AskerId> {
         let silent = self.rooms.keys().filter_map(|room| Some((self.silent_in(*room, is_busy)?, *room)));
@@ -114,24 +114,24 @@ impl Places {
         self.remove(room, turn)
     }
 
-    /// The connection at `place` has sent a request: it gives way after all others. Returns its new place.
+    /// The connection at `slot` has sent a request: it gives way after all others. Returns its new slot.
     #[must_use]
-    pub fn active(&mut self, place: Place) -> Place {
-        let Place::Ordinary { room, turn } = place else { return place };
-        let Some(order) = self.rooms.get_mut(&room) else { return place };
-        let Some(asker) = order.remove(&turn) else { return place };
+    pub fn active(&mut self, slot: Slot) -> Slot {
+        let Slot::Ordinary { room, turn } = slot else { return slot };
+        let Some(order) = self.rooms.get_mut(&room) else { return slot };
+        let Some(asker) = order.remove(&turn) else { return slot };
         self.last_turn += 1;
         order.insert(self.last_turn, asker);
-        Place::Ordinary { room, turn: self.last_turn }
+        Slot::Ordinary { room, turn: self.last_turn }
     }
 
-    /// The connection at `place` was closed. One that had to give way no longer has a place, which does no harm.
-    pub fn leave(&mut self, place: Place) {
-        match place {
-            Place::Ordinary { room, turn } => {
+    /// The connection at `slot` was closed. One that had to give way no longer has a slot, which does no harm.
+    pub fn leave(&mut self, slot: Slot) {
+        match slot {
+            Slot::Ordinary { room, turn } => {
                 self.remove(room, turn);
             }
-            Place::Priority => self.priority = self.priority.saturating_sub(1),
+            Slot::Priority => self.priority = self.priority.saturating_sub(1),
         }
     }
 
@@ -143,15 +143,15 @@ impl Places {
         self.rooms.get(&room).map_or(0, BTreeMap::len)
     }
 
-    fn take(&mut self, newcomer: Newcomer) -> Place {
+    fn take(&mut self, newcomer: Newcomer) -> Slot {
         if newcomer.has_priority {
             self.priority += 1;
-            return Place::Priority;
+            return Slot::Priority;
         }
         self.last_turn += 1;
         self.ordinary += 1;
         self.rooms.entry(newcomer.room).or_default().insert(self.last_turn, newcomer.asker);
-        Place::Ordinary { room: newcomer.room, turn: self.last_turn }
+        Slot::Ordinary { room: newcomer.room, turn: self.last_turn }
     }
 
     /// The turn of the one in `room` that has been silent for longest and is waiting for nothing.
@@ -171,7 +171,7 @@ impl Places {
     }
 }
 
-impl Default for Places {
+impl Default for Slots {
     fn default() -> Self {
         Self::new(Self::MOST)
     }
@@ -190,10 +190,10 @@ mod tests {
         false
     }
 
-    fn place(entry: Entry) -> Place {
+    fn slot(entry: Entry) -> Slot {
         match entry {
-            Entry::Free(place) | Entry::InsteadOf(place, _) => place,
-            Entry::Full => panic!("no place"),
+            Entry::Free(slot) | Entry::InsteadOf(slot, _) => slot,
+            Entry::Full => panic!("no slot"),
         }
     }
 
@@ -203,81 +203,81 @@ mod tests {
 
     #[test]
     fn the_one_that_was_silent_for_longest_gives_way() {
-        let mut places = Places::new(4);
-        let room = places.add_room();
-        let first: Vec<_> = (0..3).map(|number| place(places.enter(newcomer(number, room), &nobody))).collect();
-        let last = places.active(first[0]);
-        assert_eq!(gone(places.enter(newcomer(3, room), &nobody)), Some(1), "the first has asked since");
-        places.leave(last);
-        assert!(matches!(places.enter(newcomer(4, room), &nobody), Entry::Free(_)));
-        places.leave(first[1]);
-        assert_eq!(places.active(first[1]), first[1], "who gave way has no place");
-        assert_eq!(gone(places.enter(newcomer(5, room), &nobody)), Some(2), "and gives back none");
+        let mut slots = Slots::new(4);
+        let room = slots.add_room();
+        let first: Vec<_> = (0..3).map(|number| slot(slots.enter(newcomer(number, room), &nobody))).collect();
+        let last = slots.active(first[0]);
+        assert_eq!(gone(slots.enter(newcomer(3, room), &nobody)), Some(1), "the first has asked since");
+        slots.leave(last);
+        assert!(matches!(slots.enter(newcomer(4, room), &nobody), Entry::Free(_)));
+        slots.leave(first[1]);
+        assert_eq!(slots.active(first[1]), first[1], "who gave way has no slot");
+        assert_eq!(gone(slots.enter(newcomer(5, room), &nobody)), Some(2), "and gives back none");
     }
 
     #[test]
     fn who_waits_for_an_answer_does_not_give_way() {
-        let mut places = Places::new(4);
-        let room = places.add_room();
+        let mut slots = Slots::new(4);
+        let room = slots.add_room();
         for number in 0..3 {
-            places.enter(newcomer(number, room), &nobody);
+            slots.enter(newcomer(number, room), &nobody);
         }
-        assert_eq!(gone(places.enter(newcomer(3, room), &|asker| asker.0 != 1)), Some(1));
-        assert_eq!(places.enter(newcomer(4, room), &|_| true), Entry::Full);
-        assert_eq!(places.make_room(&|_| true), None);
-        assert_eq!(places.make_room(&nobody), Some(AskerId(0)));
+        assert_eq!(gone(slots.enter(newcomer(3, room), &|asker| asker.0 != 1)), Some(1));
+        assert_eq!(slots.enter(newcomer(4, room), &|_| true), Entry::Full);
+        assert_eq!(slots.make_room(&|_| true), None);
+        assert_eq!(slots.make_room(&nobody), Some(AskerId(0)));
     }
 
     #[test]
     fn priority_has_places_of_its_own_and_never_gives_way() {
-        let mut places = Places::new(100);
-        let room = places.add_room();
-        let entries = (0..100).map(|number| places.enter(newcomer(number, room), &nobody));
+        let mut slots = Slots::new(100);
+        let room = slots.add_room();
+        let entries = (0..100).map(|number| slots.enter(newcomer(number, room), &nobody));
         assert_eq!(entries.filter(|it| matches!(it, Entry::Free(_))).count(), 84);
         let urgent = |number| Newcomer { has_priority: true, ..newcomer(number, room) };
         for number in 100..116 {
-            assert_eq!(places.enter(urgent(number), &|_| true), Entry::Free(Place::Priority), "though all others wait");
+            assert_eq!(slots.enter(urgent(number), &|_| true), Entry::Free(Slot::Priority), "though all others wait");
         }
-        assert_eq!(places.enter(urgent(116), &|_| true), Entry::Full);
+        assert_eq!(slots.enter(urgent(116), &|_| true), Entry::Full);
         for number in 117..201 {
-            assert_eq!(gone(places.enter(urgent(number), &nobody)), Some(number - 101), "an ordinary one");
+            assert_eq!(gone(slots.enter(urgent(number), &nobody)), Some(number - 101), "an ordinary one");
         }
-        assert_eq!(places.enter(urgent(201), &nobody), Entry::Full);
-        assert_eq!(places.enter(newcomer(202, room), &nobody), Entry::Full);
-        places.leave(Place::Priority);
-        assert_eq!(places.enter(urgent(203), &nobody), Entry::Free(Place::Priority));
+        assert_eq!(slots.enter(urgent(201), &nobody), Entry::Full);
+        assert_eq!(slots.enter(newcomer(202, room), &nobody), Entry::Full);
+        slots.leave(Slot::Priority);
+        assert_eq!(slots.enter(urgent(203), &nobody), Entry::Free(Slot::Priority));
     }
 
     #[test]
     fn a_full_room_makes_room_itself_and_full_places_wherever_silence_was_longest() {
-        let mut places = Places::new(8);
-        let small = places.add_room();
-        let other = places.add_room();
+        let mut slots = Slots::new(8);
+        let small = slots.add_room();
+        let other = slots.add_room();
         let of_small = |number| Newcomer { room_max: Some(2), ..newcomer(number, small) };
         for number in 0..4 {
-            places.enter(newcomer(number, other), &nobody);
+            slots.enter(newcomer(number, other), &nobody);
         }
-        places.enter(of_small(4), &nobody);
-        places.enter(of_small(5), &nobody);
-        assert_eq!(gone(places.enter(of_small(6), &nobody)), Some(4));
-        assert_eq!(gone(places.enter(newcomer(7, other), &nobody)), Some(0));
+        slots.enter(of_small(4), &nobody);
+        slots.enter(of_small(5), &nobody);
+        assert_eq!(gone(slots.enter(of_small(6), &nobody)), Some(4));
+        assert_eq!(gone(slots.enter(newcomer(7, other), &nobody)), Some(0));
         let urgent = Newcomer { has_priority: true, ..of_small(8) };
-        assert_eq!(places.enter(urgent, &nobody), Entry::Free(Place::Priority), "its room does not count it");
-        assert_eq!(gone(places.enter(Newcomer { room_max: Some(0), ..newcomer(9, small) }, &nobody)), Some(5));
+        assert_eq!(slots.enter(urgent, &nobody), Entry::Free(Slot::Priority), "its room does not count it");
+        assert_eq!(gone(slots.enter(Newcomer { room_max: Some(0), ..newcomer(9, small) }, &nobody)), Some(5));
     }
 
     #[test]
     fn twenty_thousand_find_a_place() {
-        let mut places = Places::new(20_000);
-        let room = places.add_room();
+        let mut slots = Slots::new(20_000);
+        let room = slots.add_room();
         let mut last = None;
         for number in 0..40_000 {
-            let entry = places.enter(newcomer(number, room), &nobody);
-            assert_eq!(gone(entry), number.checked_sub(20_000 - Places::RESERVED as u64));
-            last = Some(places.active(place(entry)));
+            let entry = slots.enter(newcomer(number, room), &nobody);
+            assert_eq!(gone(entry), number.checked_sub(20_000 - Slots::RESERVED as u64));
+            last = Some(slots.active(slot(entry)));
         }
-        places.leave(last.unwrap());
-        assert_eq!(places.ordinary, 20_000 - Places::RESERVED - 1);
+        slots.leave(last.unwrap());
+        assert_eq!(slots.ordinary, 20_000 - Slots::RESERVED - 1);
     }
 
     #[derive(Clone, Debug)]
@@ -304,7 +304,7 @@ mod tests {
     struct Known {
         asker: u64,
         room: usize,
-        place: Place,
+        slot: Slot,
     }
 
     proptest! {
@@ -313,13 +313,13 @@ mod tests {
             most in 1..24_usize,
             events in prop::collection::vec(event(), 0..120),
         ) {
-            let mut places = Places::new(most);
-            let rooms = [places.add_room(), places.add_room()];
+            let mut slots = Slots::new(most);
+            let rooms = [slots.add_room(), slots.add_room()];
             let maxima = [Some(5), None];
-            let reserved = Places::RESERVED.min(most / 4);
+            let reserved = Slots::RESERVED.min(most / 4);
             let mut known: Vec<Known> = Vec::new();
             for (number, event) in (0_u64..).zip(events) {
-                let is_priority = |it: &Known| it.place == Place::Priority;
+                let is_priority = |it: &Known| it.slot == Slot::Priority;
                 let priority = known.iter().filter(|it| is_priority(it)).count();
                 let ordinary = known.len() - priority;
                 let may_go = |it: &Known, room: Option<usize>, busy: u64| {
@@ -334,37 +334,37 @@ mod tests {
                         let whose = is_room_full.then_some(room);
                         let right = known.iter().position(|it| may_go(it, whose, busy)).filter(|_| is_full);
                         let newcomer = Newcomer { asker: AskerId(number), room: rooms[room], room_max: maxima[room], has_priority };
-                        let entry = places.enter(newcomer, &|asker| busy >> (asker.0 % 64) & 1 == 1);
+                        let entry = slots.enter(newcomer, &|asker| busy >> (asker.0 % 64) & 1 == 1);
                         prop_assert_eq!(entry == Entry::Full, is_full && right.is_none());
                         prop_assert_eq!(gone(entry), right.map(|at| known[at].asker));
                         if let Some(at) = right {
                             let gone = known.remove(at);
                             // Its task exits later, or sent a last request.
-                            prop_assert_eq!(places.active(gone.place), gone.place);
-                            places.leave(gone.place);
+                            prop_assert_eq!(slots.active(gone.slot), gone.slot);
+                            slots.leave(gone.slot);
                         }
                         if entry != Entry::Full {
-                            known.push(Known { asker: number, room, place: place(entry) });
+                            known.push(Known { asker: number, room, slot: slot(entry) });
                         }
                     }
                     Event::Ask(which) if !known.is_empty() => {
                         let mut asking = known.remove(which.index(known.len()));
-                        asking.place = places.active(asking.place);
+                        asking.slot = slots.active(asking.slot);
                         known.push(asking);
                     }
                     Event::Leave(which) if !known.is_empty() => {
-                        places.leave(known.remove(which.index(known.len())).place);
+                        slots.leave(known.remove(which.index(known.len())).slot);
                     }
                     Event::Short { busy } => {
                         let right = known.iter().position(|it| may_go(it, None, busy));
-                        let gone = places.make_room(&|asker| busy >> (asker.0 % 64) & 1 == 1);
+                        let gone = slots.make_room(&|asker| busy >> (asker.0 % 64) & 1 == 1);
                         prop_assert_eq!(gone.map(|it| it.0), right.map(|at| known.remove(at).asker));
                     }
                     Event::Ask(_) | Event::Leave(_) => {}
                 }
                 prop_assert!(known.len() <= most);
-                prop_assert_eq!(places.ordinary + places.priority, known.len());
-                prop_assert_eq!(places.rooms.values().map(BTreeMap::len).sum::<usize>(), places.ordinary);
+                prop_assert_eq!(slots.ordinary + slots.priority, known.len());
+                prop_assert_eq!(slots.rooms.values().map(BTreeMap::len).sum::<usize>(), slots.ordinary);
             }
         }
     }

@@ -6,11 +6,11 @@ use crate::daemon::exchange::bell::Bell;
 use std::sync::Arc;
 
 /// Most events in one answer.
-const TOLD_MAX: usize = 16;
+const EVENTS_MAX: usize = 16;
 
 /// Passes events to the MQTT side.
 #[derive(Debug)]
-pub struct Teller {
+pub struct EventSender {
     /// Where to; `None` without an MQTT side: events then wait for one.
     mqtt: Option<Arc<AnswerBox>>,
     changed: Arc<Bell>,
@@ -20,7 +20,7 @@ pub struct Teller {
     is_due: bool,
 }
 
-impl Teller {
+impl EventSender {
     /// Without a request so far.
     #[must_use]
     pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Bell>) -> Self {
@@ -42,7 +42,7 @@ impl Teller {
     pub fn serve(&mut self, store: &mut Store) {
         let (Some(after), true, Some(mqtt)) = (self.wanted, self.is_due, &self.mqtt) else { return };
         let Some(database) = store.database() else { return };
-        match database.events(after, TOLD_MAX) {
+        match database.events(after, EVENTS_MAX) {
             Ok((events, more)) => {
                 self.is_due = false;
                 if !events.is_empty() {

@@ -4,14 +4,14 @@ use crate::domain::time::MonoTime;
 
 /// Since when others have been sending.
 #[derive(Clone, Copy, Debug)]
-pub struct Talk {
+pub struct Occupancy {
     since: MonoTime,
-    /// One of our frames was sent during the talk, and no other may be sent until then: a silence before that is not
+    /// One of our frames was sent while they were sending, and no other may be sent until then: a silence before that is not
     /// one in which we could have sent.
     holds_until: MonoTime,
 }
 
-impl Talk {
+impl Occupancy {
     /// The state when the port is opened at `now`.
     pub const fn new(now: MonoTime) -> Self {
         Self { since: now, holds_until: MonoTime::ZERO }
@@ -45,23 +45,23 @@ mod tests {
 
     #[test]
     fn a_silence_ends_a_talk_unless_a_frame_of_ours_took_it_up() {
-        let mut talk = Talk::new(at(0));
-        talk.heard(at(10), at(9));
-        assert_eq!(talk.since(), at(10));
-        talk.heard(at(14), at(15));
-        assert_eq!(talk.since(), at(10), "no silence between");
-        talk.sent(at(16), at(19), at(100));
-        talk.heard(at(90), at(19));
-        assert_eq!(talk.since(), at(10), "we waited for our own frame");
-        talk.heard(at(101), at(95));
-        assert_eq!(talk.since(), at(101));
+        let mut occupancy = Occupancy::new(at(0));
+        occupancy.heard(at(10), at(9));
+        assert_eq!(occupancy.since(), at(10));
+        occupancy.heard(at(14), at(15));
+        assert_eq!(occupancy.since(), at(10), "no silence between");
+        occupancy.sent(at(16), at(19), at(100));
+        occupancy.heard(at(90), at(19));
+        assert_eq!(occupancy.since(), at(10), "we waited for our own frame");
+        occupancy.heard(at(101), at(95));
+        assert_eq!(occupancy.since(), at(101));
     }
 
     #[test]
     fn a_frame_that_was_sent_in_silence_holds_nothing() {
-        let mut talk = Talk::new(at(0));
-        talk.sent(at(20), at(19), at(100));
-        talk.heard(at(40), at(19));
-        assert_eq!(talk.since(), at(40));
+        let mut occupancy = Occupancy::new(at(0));
+        occupancy.sent(at(20), at(19), at(100));
+        occupancy.heard(at(40), at(19));
+        assert_eq!(occupancy.since(), at(40));
     }
 }

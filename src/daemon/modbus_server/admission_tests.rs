@@ -1,4 +1,4 @@
-//! Places, unread answers and turns over real sockets.
+//! Slots, unread answers and turns over real sockets.
 
 use super::tests::{EVERY_LINE, answer, ask, send, shared};
 use super::*;
@@ -63,8 +63,8 @@ impl Crowd {
     }
 }
 
-/// Runs `test` with a server that has this many places.
-fn play<F: Future<Output = ()>>(places: usize, settings: ListenerSettings, test: impl FnOnce(Crowd) -> F) {
+/// Runs `test` with a server that has this many slots.
+fn play<F: Future<Output = ()>>(slots: usize, settings: ListenerSettings, test: impl FnOnce(Crowd) -> F) {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let end = Duration::from_secs(20);
     let play = async {
@@ -73,7 +73,7 @@ fn play<F: Future<Output = ()>>(places: usize, settings: ListenerSettings, test:
         let shared = shared();
         let totals = Arc::new(ModbusTotals::default());
         let router = Router::new(&settings, Units::new(&shared));
-        let server = Rc::new(Server::new(Arc::clone(&totals), None).with_places(places));
+        let server = Rc::new(Server::new(Arc::clone(&totals), None).with_slots(slots));
         tokio::task::spawn_local(Rc::clone(&server).listen(socket, Listener::new(settings, router, None)));
         test(Crowd { server, shared, totals, address }).await;
     };
@@ -104,7 +104,7 @@ fn a_full_server_closes_the_one_that_was_silent_for_longest_and_priority_finds_a
         for stream in &mut urgent {
             assert_eq!(ask(stream, 101, &READ).await, [3, 2, 0, 1]);
         }
-        assert!(is_closed(&mut clients.remove(1)).await, "beyond the places kept for it, priority takes another's");
+        assert!(is_closed(&mut clients.remove(1)).await, "beyond the slots kept for it, priority takes another's");
         for stream in clients.iter_mut().chain([&mut newcomer]).chain(&mut urgent) {
             assert_eq!(ask(stream, 101, &READ).await, [3, 2, 0, 1], "nobody else was closed");
         }
@@ -152,9 +152,9 @@ fn whoever_leaves_the_most_unread_is_closed_when_all_together_leave_too_much() {
         ask(&mut urgent, 101, &READ).await;
         let all: Vec<Rc<Client>> = (1..=4).map(|at| Rc::clone(&crowd.server.clients.borrow()[&AskerId(at)])).collect();
         for (client, share) in all.iter().zip([3, 4, 2, 6]) {
-            assert!(!client.seat.leaves_unread(hall::UNREAD_MAX * share / 15), "all of it and no more");
+            assert!(!client.seat.leaves_unread(admission::UNREAD_MAX * share / 15), "all of it and no more");
         }
-        let last = all[2].seat.leaves_unread(hall::UNREAD_MAX * 2 / 15 + 15);
+        let last = all[2].seat.leaves_unread(admission::UNREAD_MAX * 2 / 15 + 15);
         assert!(last);
         crowd.server.shed();
         let kept = all.iter().map(|client| client.dismissed.get()).collect::<Vec<_>>();

@@ -1,27 +1,27 @@
-//! The lesson of each command.
+//! The help text of each command.
 
-use super::Lesson;
+use super::HelpText;
 
 /// The meaning of most exit codes.
 const EXITS: &str = "0 done, 1 failed, 2 wrong usage or configuration";
 
-const fn lesson(
+const fn help(
     command: &'static str,
     about: &'static str,
     examples: &'static [(&'static str, &'static str)],
-) -> Lesson {
-    Lesson { command, about, examples, exits: EXITS }
+) -> HelpText {
+    HelpText { command, about, examples, exits: EXITS }
 }
 
-impl Lesson {
+impl HelpText {
     const fn exits(self, exits: &'static str) -> Self {
         Self { exits, ..self }
     }
 }
 
 /// One for each command and sub-command, and the program itself.
-pub(super) const LESSONS: &[Lesson] = &[
-    lesson(
+pub(super) const HELP_TEXTS: &[HelpText] = &[
+    help(
         "",
         "The configuration is a TOML file; `check` reports all its problems at once. Terms: a gateway has lines, a line \
          has drives, a drive has a station number on its line and units on Modbus TCP.",
@@ -31,7 +31,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway run -c vfd-gateway.toml", "run the gateway"),
         ],
     ),
-    lesson(
+    help(
         "demo",
         "Needs nothing but this program: it simulates the drives, includes a broker, and listens on 127.0.0.1 only. It \
          prints the addresses and three commands to try in another terminal. Enter trips a drive; Ctrl-C stops the drives \
@@ -41,7 +41,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway demo --port 0 --http-port 0", "on any free ports"),
         ],
     ),
-    lesson(
+    help(
         "run",
         "SIGINT and SIGTERM shut it down after the action that `on_shutdown` names for each drive under control; SIGHUP \
          reloads the file. The log goes to stderr; RUST_LOG=vfd_gateway=trace shows every frame.",
@@ -50,14 +50,14 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway --log-format json run -c vfd-gateway.toml", "write the log as JSON"),
         ],
     ),
-    lesson(
+    help(
         "check",
         "Opens no port and sends nothing. Line load is in per cent of its time; ages and the time until a stop is sent \
          are upper bounds in ms or s.",
         &[("vfd-gateway check -c vfd-gateway.toml", "report all problems with their line numbers, or the load of each line")],
     )
     .exits("0 the file is valid, 1 failed, 2 it has problems"),
-    lesson(
+    help(
         "models",
         "A model file gives the source and confidence of each fact. A fact that no document of the model itself states is \
          unproven.",
@@ -66,12 +66,12 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway models --model-dir models list", "include your own models"),
         ],
     ),
-    lesson(
+    help(
         "models list",
         "",
         &[("vfd-gateway models list --json", "for a script: identifiers, framings, capabilities")],
     ),
-    lesson(
+    help(
         "models show",
         "Addresses are as sent on the wire, counted from 0; a value is the word divided by its scale.",
         &[
@@ -79,13 +79,13 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway models show MODEL --toml", "print it as a file, to begin one of your own"),
         ],
     ),
-    lesson(
+    help(
         "models check",
         "",
         &[("vfd-gateway models check my-drive.toml", "report problems with their line numbers, or list unproven facts")],
     )
     .exits("0 the file is valid, 1 failed, 2 it has problems"),
-    lesson(
+    help(
         "simulate",
         "Prints the port at start. Characters take as long as on a real line. Ctrl-C ends it.",
         &[
@@ -94,7 +94,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway simulate --model MODEL --faults noise=50,lost=20,late=20", "simulate a bad line; in per mille of replies"),
         ],
     ),
-    lesson(
+    help(
         "health",
         "Asks over the socket in the gateway's data directory, or over HTTP.",
         &[
@@ -104,13 +104,13 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 ready (with --alive: alive), 1 not ready or not reachable, 2 wrong usage or configuration"),
-    lesson(
+    help(
         "reload",
         "Lines that are the same in both files continue, with their leases and clients.",
         &[("vfd-gateway reload -c vfd-gateway.toml", "reload, and show what has changed or why it was refused")],
     )
     .exits("0 reloaded, 1 refused or not reachable, 2 the file has problems"),
-    lesson(
+    help(
         "journal",
         "Times are in UTC. The gateway may be running.",
         &[
@@ -118,13 +118,13 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway journal audit --since 2026-01-31 --csv", "list commands and their senders, for a spreadsheet"),
         ],
     ),
-    lesson(
+    help(
         "verify",
         "Reads from the drive and changes nothing. Lists what can only be checked at the drive itself.",
         &[("vfd-gateway verify pump-1 -c vfd-gateway.toml", "show the required and the present value of each setting")],
     )
     .exits("0 all settings are right, 1 one is wrong or was not answered, 2 wrong usage or configuration"),
-    lesson(
+    help(
         "enable",
         "At standstill only, on a drive with a control section. Shows the old and new value of each setting, asks, writes \
          it once and reads it back.",
@@ -134,7 +134,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 all settings are right now, 1 one is not, 2 wrong usage or configuration"),
-    lesson(
+    help(
         "watchdog",
         "The time without a request after which the drive itself acts. Can be set at standstill only.",
         &[
@@ -143,7 +143,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 it is on, 1 it is off or unknown, 2 wrong usage or configuration"),
-    lesson(
+    help(
         "read",
         "Shows registers as words, in decimal and hexadecimal; those of a uniform unit by name, in Hz, A, V, kW, %, degC, \
          h or s. Unknown values are shown as not available.",
@@ -154,7 +154,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 done, 1 not reachable or refused by an exception, 2 wrong usage"),
-    lesson(
+    help(
         "write",
         "After `run forward`, `reverse` or `take` it keeps running and holds control; Ctrl-C stops the drive. Keep a person \
          at the hard-wired emergency stop.",
@@ -166,7 +166,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 done, 1 refused or not reachable, 2 wrong usage"),
-    lesson(
+    help(
         "watch",
         "",
         &[
@@ -175,7 +175,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 ended by Ctrl-C, 1 not reachable, 2 wrong usage"),
-    lesson(
+    help(
         "map",
         "Lists each unit of each drive, and the gateway's own: addresses counted from 0 as sent, and from 1 after the table \
          digit (40001), with functions, access, resolution, units and meanings. What can be written depends on the control \
@@ -187,7 +187,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 done, 1 failed, 2 wrong usage or configuration, or Modbus TCP is not configured"),
-    lesson(
+    help(
         "completions",
         "",
         &[
@@ -195,7 +195,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway completions fish > ~/.config/fish/completions/vfd-gateway.fish", "complete permanently"),
         ],
     ),
-    lesson(
+    help(
         "man",
         "",
         &[
@@ -203,7 +203,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway man --dir /usr/local/share/man/man1", "write the pages of all commands, as vfd-gateway-COMMAND.1"),
         ],
     ),
-    lesson(
+    help(
         "scan",
         "The line must be silent: the scan refuses to start while another master uses the line or a gateway has the port \
          open. 32 stations at factory settings take minutes; the expected time is printed first. Times are in seconds, \
@@ -214,7 +214,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway scan --port /dev/ttyUSB0 --all-settings --dry-run", "show how long everything would take"),
         ],
     ),
-    lesson(
+    help(
         "params",
         "Parameters are those that the drive's model lists, by the vendor's codes.",
         &[
@@ -222,7 +222,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway params restore pump-1.params.toml --dry-run", "show what would be written back"),
         ],
     ),
-    lesson(
+    help(
         "params dump",
         "Only reads.",
         &[
@@ -230,7 +230,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway params dump --port /dev/ttyUSB0 --model MODEL --station 1", "read directly on a port"),
         ],
     ),
-    lesson(
+    help(
         "params diff",
         "Only reads.",
         &[
@@ -238,7 +238,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway params diff old.params.toml live -c vfd-gateway.toml", "compare a file with the drive"),
         ],
     ),
-    lesson(
+    help(
         "params restore",
         "At standstill only. Parameters are stored in memory with a limited number of write cycles.",
         &[
@@ -246,7 +246,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway params restore pump-1.params.toml -c vfd-gateway.toml", "write after asking, with read-back"),
         ],
     ),
-    lesson(
+    help(
         "doctor",
         "Sends nothing on the line: it observes the normal traffic. Shares are per mille of the exchanges, times in ms.",
         &[
@@ -255,7 +255,7 @@ pub(super) const LESSONS: &[Lesson] = &[
         ],
     )
     .exits("0 no problem, 1 a problem or not reachable, 2 wrong usage or configuration"),
-    lesson(
+    help(
         "capture",
         "Sends nothing. Times are when the gateway sent or received; Ctrl-C ends the recording.",
         &[
@@ -263,7 +263,7 @@ pub(super) const LESSONS: &[Lesson] = &[
             ("vfd-gateway capture --out - | wireshark -k -i -", "watch live, if there is only one line"),
         ],
     ),
-    lesson(
+    help(
         "password",
         "The hash is argon2id; the password itself is not stored.",
         &[("vfd-gateway password > anna.hash", "prompt twice; the file is for `password_hash_file`")],

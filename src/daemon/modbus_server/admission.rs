@@ -1,8 +1,8 @@
-//! State that all connections share: their places, and the memory that unread answers take.
+//! State that all connections share: their slots, and the memory that unread answers take.
 
 use super::{Client, Listener, Server};
 use crate::domain::ids::AskerId;
-use crate::north::modbus::{Entry, Newcomer, Place, Places};
+use crate::north::modbus::{Entry, Newcomer, Slot, Slots};
 use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::net::IpAddr;
@@ -27,7 +27,7 @@ impl fmt::Display for Dismissal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Unwanted => "its listener was removed or no longer allows it",
-            Self::MadeRoom => "it was silent longest when another client needed its place",
+            Self::MadeRoom => "it was silent longest when another client needed its slot",
             Self::Unread => "it had the most unread answers when all clients together had too many",
         })
     }
@@ -35,32 +35,32 @@ impl fmt::Display for Dismissal {
 
 /// State that all connections share.
 #[derive(Debug, Default)]
-pub(super) struct Hall {
-    pub(super) places: RefCell<Places>,
+pub(super) struct Admission {
+    pub(super) slots: RefCell<Slots>,
     /// Bytes that wait for clients to read them.
     unread: Cell<usize>,
 }
 
-/// The place of one connection. It is freed when this is dropped.
+/// The slot of one connection. It is freed when this is dropped.
 #[derive(Debug)]
 pub(super) struct Seat {
-    hall: Rc<Hall>,
+    admission: Rc<Admission>,
     pub(super) asker: AskerId,
-    place: Cell<Place>,
+    slot: Cell<Slot>,
     unread: Cell<usize>,
 }
 
 impl Seat {
     /// Notes a request of the connection.
     pub(super) fn active(&self) {
-        self.place.set(self.hall.places.borrow_mut().active(self.place.get()));
+        self.slot.set(self.admission.slots.borrow_mut().active(self.slot.get()));
     }
 
     /// Sets how many bytes wait for the client. Returns whether too many wait for all clients together.
     pub(super) fn leaves_unread(&self, bytes: usize) -> bool {
         let before = self.unread.replace(bytes);
-        let all = self.hall.unread.get().saturating_sub(before).saturating_add(bytes);
-        self.hall.unread.set(all);
+        let all = self.admission.unread.get().saturating_sub(before).saturating_add(bytes);
+        self.admission.unread.set(all);
         all > UNREAD_MAX
     }
 }
@@ -68,39 +68,39 @@ impl Seat {
 impl Drop for Seat {
     fn drop(&mut self) {
         self.leaves_unread(0);
-        self.hall.places.borrow_mut().leave(self.place.get());
+        self.admission.slots.borrow_mut().leave(self.slot.get());
     }
 }
 
 impl Server {
-    /// A place for a new client, if need be that of the client that was silent longest; `None` if there is none.
+    /// A slot for a new client, if need be that of the client that was silent longest; `None` if there is none.
     pub(super) fn seat(&self, peer: IpAddr, listener: &Listener) -> Option<Seat> {
         self.last.set(self.last.get() + 1);
         let asker = AskerId(self.last.get());
         let newcomer = {
-            let mut places = self.hall.places.borrow_mut();
-            let room = listener.room(|| places.add_room());
+            let mut slots = self.admission.slots.borrow_mut();
+            let room = listener.room(|| slots.add_room());
             let room_max = listener.connections_max();
             let has_priority = listener.has_priority(peer);
             Newcomer { asker, room, room_max, has_priority }
         };
-        let entry = self.hall.places.borrow_mut().enter(newcomer, &|asker| self.is_busy(asker));
-        let place = match entry {
-            Entry::Free(place) => place,
-            Entry::InsteadOf(place, gone) => {
+        let entry = self.admission.slots.borrow_mut().enter(newcomer, &|asker| self.is_busy(asker));
+        let slot = match entry {
+            Entry::Free(slot) => slot,
+            Entry::InsteadOf(slot, gone) => {
                 self.dismiss(gone, Dismissal::MadeRoom);
-                place
+                slot
             }
             Entry::Full => return None,
         };
-        let hall = Rc::clone(&self.hall);
-        let place = Cell::new(place);
-        Some(Seat { hall, asker, place, unread: Cell::default() })
+        let admission = Rc::clone(&self.admission);
+        let slot = Cell::new(slot);
+        Some(Seat { admission, asker, slot, unread: Cell::default() })
     }
 
     /// Closes the client that was silent longest. Returns whether there is one that may be closed.
     pub(super) fn make_room(&self) -> bool {
-        let gone = self.hall.places.borrow_mut().make_room(&|asker| self.is_busy(asker));
+        let gone = self.admission.slots.borrow_mut().make_room(&|asker| self.is_busy(asker));
         gone.inspect(|gone| self.dismiss(*gone, Dismissal::MadeRoom)).is_some()
     }
 
@@ -108,10 +108,10 @@ impl Server {
     pub(super) fn shed(&self) {
         let clients = self.clients.borrow();
         let mut greedy: Vec<_> = clients.values().filter(|client| client.seat.unread.get() > 0).collect();
-        let has_priority = |client: &Client| client.seat.place.get() == Place::Priority;
+        let has_priority = |client: &Client| client.seat.slot.get() == Slot::Priority;
         greedy.sort_by_key(|client| (has_priority(client), std::cmp::Reverse(client.seat.unread.get())));
         for client in greedy {
-            if self.hall.unread.get() <= UNREAD_KEPT {
+            if self.admission.unread.get() <= UNREAD_KEPT {
                 break;
             }
             client.seat.leaves_unread(0);
