@@ -10,7 +10,7 @@ use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome};
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::profile::check;
-use vfd_gateway::profile::model::{Confidence, Model};
+use vfd_gateway::profile::model::{Confidence, Fact, Model};
 
 const SECOND: Duration = Duration::from_secs(1);
 const RUN: u16 = 0x2000;
@@ -233,6 +233,23 @@ fn a_zero_that_would_coast_is_a_stop_where_the_coast_is_unproven() {
         assert_eq!(rig.written(RUN), [KINDS[2].stop]);
         rig.live(SECOND * 8);
         assert_eq!(rig.output(1), 0);
+    }
+}
+
+/// That 0 must never be written to the drive is one more reason to send its stop word.
+#[test]
+fn a_zero_that_must_never_be_written_is_a_stop_as_well() {
+    for kind in KINDS {
+        let mut model = check::model(kind.text).unwrap();
+        let never = Fact { value: 0, confidence: Confidence::Manual, source: "UM 4".to_owned() };
+        model.run.as_mut().unwrap().never.push(never);
+        let mut rig = rig_of(&Arc::new(model), accepting());
+        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed);
+        rig.sent.clear();
+        assert_eq!(write(&mut rig, RUN, &[0]), NativeOutcome::Written);
+        rig.live(SECOND * 8);
+        assert_eq!((rig.output(1), rig.written(RUN)), (0, vec![kind.zero]));
+        assert_eq!(rig.bus.drive(Station(1)).unwrap().report().forbidden_words, 0);
     }
 }
 
