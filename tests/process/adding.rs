@@ -78,6 +78,21 @@ fn the_model_of_the_tutorial_is_sound() {
     assert_eq!((&as_json[0]["id"], &as_json[0]["registers"]), (&"acme-flux-2".into(), &8.into()));
 }
 
+#[test]
+fn a_model_that_is_like_another_is_checked_and_printed_whole() {
+    let written = Written::new();
+    let text = super::rig::text_of("deploy/adding-a-drive.md");
+    let (_, rest) = text.split_once("\n## A drive that is like another one\n").unwrap();
+    let model = written.place.write("models/flux-3.toml", &blocks(rest)[0]);
+    let dir = written.models.to_str().unwrap();
+    let said = ask(&["models", "check", model.to_str().unwrap(), "--model-dir", dir], 0);
+    assert!(said.contains("acme-flux-3 is sound: 7 registers") && said.contains("stop: sibling, one source"), "{said}");
+    let printed = ask(&["models", "show", "acme-flux-3", "--toml", "--model-dir", dir], 0);
+    let alone = written.place.write("alone.toml", &printed);
+    let said = ask(&["models", "check", alone.to_str().unwrap()], 0);
+    assert!(said.contains("acme-flux-3 is sound: 7 registers"), "{said}");
+}
+
 /// The model of a meter in `docs/drives.md`.
 #[test]
 fn a_device_that_is_no_drive_is_read() {

@@ -28,7 +28,7 @@ pub(super) fn merged<'s>(own: DeTable<'s>, base: DeTable<'s>) -> DeTable<'s> {
 fn merged_at<'s>(path: &str, mut own: DeTable<'s>, base: DeTable<'s>) -> DeTable<'s> {
     for (key, value) in base {
         let inner = joined(path, key.get_ref());
-        let Some((own_key, own_value)) = own.remove_entry(&**key.get_ref()) else {
+        let Some(own_value) = own.remove(&**key.get_ref()) else {
             own.insert(key, value);
             continue;
         };
@@ -43,7 +43,8 @@ fn merged_at<'s>(path: &str, mut own: DeTable<'s>, base: DeTable<'s>) -> DeTable
             },
             (one, _) => one,
         };
-        own.insert(own_key, Spanned::new(span, value));
+        // With the place of the other file: printed, the whole is in its order.
+        own.insert(key, Spanned::new(span, value));
     }
     own
 }
