@@ -5,6 +5,7 @@
 //! * [`reply_times`]: how long replies have taken
 //! * [`transaction`]: runs one exchange
 //! * [`station`]: detects late replies and limits the cost of dead stations
+//! * [`quiet`]: the silence after an unexplained frame
 //! * [`barriers`]: exchanges that rule out late replies
 //! * [`echo`]: whether the line echoes
 //! * [`quality`]: how good the line is
@@ -26,6 +27,7 @@ pub mod histogram;
 mod occupancy;
 mod own_echo;
 pub mod quality;
+pub mod quiet;
 pub mod reply_times;
 pub mod schedule;
 pub mod station;

@@ -1,5 +1,6 @@
 //! The line's state of one station: replies that may still arrive late, and how long it has been silent.
 
+use super::quiet::Quiet;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, RefusedWrite};
 use crate::wire::pdu::{Request, function};
@@ -19,12 +20,6 @@ pub const PROBE_TIMEOUT: Duration = Duration::from_millis(100);
 /// The wait before a station is asked again that may be deaf because it was switched on.
 pub const DEAF_WAIT: Duration = Duration::from_millis(250);
 
-/// The shortest silence required of a station after an unexplained frame.
-pub const QUIET_LEAST: Duration = Duration::from_millis(100);
-/// The longest such silence: later replies are not considered.
-pub const QUIET_MAX: Duration = Duration::from_secs(30);
-/// Consecutive exchanges without such a frame after which no silence is required any more.
-pub const QUIET_EXCHANGES: u8 = 8;
 /// How long a reply beyond the maximum lateness is remembered, so that it is recognised if it arrives after all.
 pub const EXPIRED_FOR: Duration = Duration::from_secs(30);
 /// In how many exchanges with noise before the reply, among how many exchanges, a silence is inserted to see whether
@@ -65,13 +60,8 @@ pub struct StationState {
     expired: Vec<Missing>,
     /// When the last character of the newest request had been sent.
     asked_at: MonoTime,
-    /// The greatest lateness of a reply beyond the declared one, since its request.
-    latest: Duration,
-    /// The silence currently required of it, and until when: after an unexplained frame another one may follow.
-    quiet: Duration,
-    quiet_until: MonoTime,
-    /// Exchanges since the last such frame.
-    exchanges_since: u8,
+    /// The silence that it owes after an unexplained frame.
+    quiet: Quiet,
     /// If the newest answer may have been a reply that could no longer arrive: its lateness.
     taken: Option<Duration>,
     /// Remaining silences of [`LOOKS`], and exchanges until they are replenished.
@@ -101,10 +91,7 @@ impl StationState {
             missing: Vec::new(),
             expired: Vec::new(),
             asked_at: MonoTime::ZERO,
-            latest: Duration::ZERO,
-            quiet: Duration::ZERO,
-            quiet_until: MonoTime::ZERO,
-            exchanges_since: 0,
+            quiet: Quiet::NONE,
             taken: None,
             looks: LOOKS,
             asked_before_until: MonoTime::ZERO,
@@ -127,7 +114,7 @@ impl StationState {
     #[must_use]
     pub fn clean_at(&self) -> MonoTime {
         let known = self.missing.iter().map(|missing| missing.until).max();
-        known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until).max(self.quiet_until)
+        known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until).max(self.quiet.until())
     }
 
     /// When a late answer can no longer be mistaken for the answer to `request`. A moment in the past means now.
@@ -135,10 +122,10 @@ impl StationState {
     pub fn unmistakable_at(&self, request: &Request) -> MonoTime {
         if self.missing.len() >= MISSING_MAX {
             let oldest = self.missing.iter().map(|missing| missing.until).min();
-            return oldest.unwrap_or(MonoTime::ZERO).max(self.quiet_until);
+            return oldest.unwrap_or(MonoTime::ZERO).max(self.quiet.until());
         }
         let mistakable = self.missing.iter().filter(|missing| self.is_mistakable(&missing.request, request));
-        let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO).max(self.quiet_until);
+        let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO).max(self.quiet.until());
         match request {
             // Its data are fresh: no earlier request had them.
             Request::Loopback { .. } => known,
@@ -150,7 +137,7 @@ impl StationState {
     #[must_use]
     pub fn misses_function(&self, function: u8, now: MonoTime) -> bool {
         let misses = |missing: &Missing| now < missing.until && missing.request.function() == function;
-        now < self.asked_before_until.max(self.quiet_until) || self.missing.iter().any(misses)
+        now < self.asked_before_until.max(self.quiet.until()) || self.missing.iter().any(misses)
     }
 
     /// Before this moment no requests are sent to the station, because it has been silent.
@@ -194,8 +181,7 @@ impl StationState {
 
     /// Its line was opened at `now`, perhaps because the power came back to both.
     pub fn line_opened(&mut self, now: MonoTime) {
-        self.latest = Duration::ZERO;
-        self.quiet = Duration::ZERO;
+        self.quiet.forget();
         self.may_be_deaf(now);
         if now < self.may_be_deaf_until {
             self.ask_again_at = self.ask_again_at.min(now + DEAF_WAIT);
@@ -228,13 +214,13 @@ impl StationState {
     /// How late a reply may arrive: `declared`, or more if that was observed.
     #[must_use]
     pub fn lateness(&self, declared: Duration) -> Duration {
-        declared.max(with_margin(self.latest))
+        self.quiet.lateness(declared)
     }
 
     /// Whether its replies may belong to other requests, or to another drive.
     #[must_use]
     pub fn is_doubtful(&self) -> bool {
-        self.quiet > Duration::ZERO
+        self.quiet.is_required()
     }
 
     /// A sound frame of the station with `pdu` arrived at `now` that answers no open request. An unexplained one makes
@@ -250,20 +236,16 @@ impl StationState {
         let beyond = expired.map(|place| now.since(self.expired.remove(place).sent_at)).or(self.taken.take());
         let late = beyond.unwrap_or_else(|| now.since(self.asked_at).min(declared));
         if beyond.is_some() {
-            self.latest = self.latest.max(late).min(QUIET_MAX);
+            self.quiet.observed(late);
         }
-        self.quiet = self.quiet.max(with_margin(late)).max(QUIET_LEAST);
-        self.exchanges_since = 0;
+        self.quiet.unexplained(late, now);
         self.looks = LOOKS;
-        self.heard(now);
         if beyond.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
     }
 
     /// A frame of it was received at `now`: a required silence starts over.
     pub fn heard(&mut self, now: MonoTime) {
-        if self.quiet > Duration::ZERO {
-            self.quiet_until = self.quiet_until.max(now + self.quiet);
-        }
+        self.quiet.heard(now);
     }
 
     fn expire(&mut self, now: MonoTime) {
@@ -321,25 +303,16 @@ impl StationState {
         self.looks = if until_anew == 0 { LOOKS } else { (looks, until_anew - 1) };
         if was_noisy && self.looks.0 > 0 {
             self.looks.0 -= 1;
-            self.quiet_until = self.quiet_until.max(now + QUIET_LEAST);
+            self.quiet.look(now);
         }
-        self.count_exchange(now);
+        self.quiet.exchange_ended(now);
     }
 
     /// A frame arrived at `now` that may be the refusal of the open request, and may be a late one. It settles nothing.
     /// It is not unexplained either: a drive that refuses every stop would otherwise never be polled again.
     pub fn refused_in_doubt(&mut self, now: MonoTime) {
         self.is_there();
-        self.count_exchange(now);
-    }
-
-    /// An exchange was over at `now` without an unexplained frame.
-    fn count_exchange(&mut self, now: MonoTime) {
-        self.exchanges_since = self.exchanges_since.saturating_add(1);
-        if self.exchanges_since >= QUIET_EXCHANGES {
-            self.quiet = Duration::ZERO;
-        }
-        self.heard(now);
+        self.quiet.exchange_ended(now);
     }
 
     /// A frame of the station was received that was not the answer: it is there, but slow.
@@ -387,15 +360,11 @@ pub fn answers(request: &Request, pdu: &[u8]) -> bool {
     }
 }
 
-/// An observed `time` with a margin: the next one may take longer.
-fn with_margin(time: Duration) -> Duration {
-    (time + time / 2).min(QUIET_MAX)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::domain::address::{Address, Table};
+    use crate::line::quiet::{QUIET_EXCHANGES, QUIET_LEAST};
     use crate::profile::check;
     use crate::profile::model::{Confidence, Fact};
     use crate::vendors;
