@@ -91,6 +91,8 @@ mod native_blocks;
 mod noisy_line;
 #[path = "scenarios/old_value_or_exception.rs"]
 mod old_value_or_exception;
+#[path = "scenarios/orders_apart.rs"]
+mod orders_apart;
 #[path = "scenarios/ownership.rs"]
 mod ownership;
 #[path = "scenarios/pauses.rs"]
@@ -113,6 +115,8 @@ mod setpoint_before_run;
 mod shaped_bursts;
 #[path = "scenarios/sharing.rs"]
 mod sharing;
+#[path = "scenarios/starts.rs"]
+mod starts;
 #[path = "scenarios/stop_all.rs"]
 mod stop_all;
 #[path = "scenarios/stop_wins.rs"]

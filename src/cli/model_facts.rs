@@ -174,7 +174,13 @@ impl Unproven {
         self.add_some("coast", run.coast.as_ref());
         self.add_some("reset", run.reset.as_ref());
         self.add_some("release", run.release.as_ref());
-        for word in &run.never {
+        self.add_some("direction", run.places.direction.as_ref());
+        for step in &run.start.steps {
+            self.add(format!("start 0x{:04X}", step.write.value), &step.write);
+        }
+        self.add_some("take_back", run.start.take_back.as_ref());
+        let elsewhere = run.places.never.iter().map(|(_, word)| word);
+        for word in run.never.iter().chain(elsewhere) {
             self.add(format!("run command 0x{:04X} never", word.value), word);
         }
         self.add_some("run command 0", run.zero.as_ref());

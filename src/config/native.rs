@@ -90,7 +90,7 @@ impl Listed<'_> {
             return Err(refused(&format!("is never written: {why}")).right("leave it out"));
         }
         match register.role {
-            Some(Role::RunCommand | Role::FrequencyCommand) => Err(refused("takes commands").right(
+            Some(Role::RunCommand | Role::Order | Role::FrequencyCommand) => Err(refused("takes commands").right(
                 "leave it out; `control` says what may be commanded, and each write there is reviewed as a command",
             )),
             Some(role) if role.is_guarded() => {

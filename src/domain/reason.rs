@@ -157,6 +157,8 @@ reasons! {
     DriveLocked = 60, "drive_locked", "the drive answered that it is locked against this";
     /// The same, that a trip holds.
     DriveInTrip = 61, "drive_in_trip", "the drive answered that it does not do this during a trip";
+    /// The drive did not show in time that it has followed a word of the start.
+    NotReady = 62, "not_ready", "the drive did not get ready to start: the start was taken back";
 }
 
 impl Reason {

@@ -4,13 +4,24 @@ use super::bases::Bases;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Model, OrderedWord, Register, Role};
+use crate::profile::model::{Model, OrderKind, OrderedWord, Register, Role};
 
 /// The meaning of one word of a write.
 enum DecodedPart {
-    Run(OrderedWord),
+    Run(RunPart),
+    Direction(Direction),
     Frequency(Result<Hertz, Reason>),
     Register(RegisterWrite),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum RunPart {
+    Stop,
+    Go(Direction),
+    Coast,
+    Reset,
+    EndReset,
+    Release,
 }
 
 /// The order that `values`, written from `address` on, stand for on `model`.
@@ -31,30 +42,42 @@ pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, R
 /// # Errors
 /// As for [`order`]; also [`Reason::FullScaleUnknown`].
 pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) -> Result<Order, Reason> {
-    let (mut run, mut frequency, mut registers) = (None, None, Vec::new());
+    let mut run = None;
+    let mut direction = None;
+    let mut frequency = None;
+    let mut registers = Vec::new();
     let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
     for (address, value) in addresses.zip(values) {
         match part(model, bases, address, *value)? {
-            DecodedPart::Run(part) => run = Some(part),
+            DecodedPart::Run(part) => run = Some(together(run, part)?),
+            DecodedPart::Direction(given) => direction = Some(given),
             DecodedPart::Frequency(hertz) => frequency = Some(hertz),
             DecodedPart::Register(write) => registers.push(write),
         }
     }
     let alone = registers.is_empty();
     let frequency = match frequency.transpose() {
-        Err(_) if run == Some(OrderedWord::Stop) => None,
+        Err(_) if run == Some(RunPart::Stop) => None,
         known => known?,
     };
+    // The direction is part of an order to run, and where a model has it, an order to run is none without it.
+    let is_half = match run {
+        Some(RunPart::Go(_)) => direction.is_none() && has_direction(model),
+        Some(RunPart::Stop | RunPart::Coast) => false,
+        _ => direction.is_some(),
+    };
+    if is_half {
+        return Err(Reason::NotUnderstood);
+    }
     match run {
-        Some(OrderedWord::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
-        Some(OrderedWord::Coast) if alone => Ok(Order::Coast),
-        Some(OrderedWord::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
-        Some(OrderedWord::Release) if alone && frequency.is_none() => Ok(Order::Release),
-        Some(OrderedWord::Stop | OrderedWord::Coast | OrderedWord::Reset | OrderedWord::Release) => {
-            Err(Reason::Conflict)
-        }
-        Some(OrderedWord::Go(direction)) => go(registers, frequency, Some(direction)),
-        None => go(registers, frequency, None),
+        Some(RunPart::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
+        Some(RunPart::Coast) if alone => Ok(Order::Coast),
+        Some(RunPart::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
+        Some(RunPart::Release) if alone && frequency.is_none() => Ok(Order::Release),
+        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset | RunPart::Release) => Err(Reason::Conflict),
+        Some(RunPart::Go(by_word)) => go(registers, frequency, Some(direction.unwrap_or(by_word))),
+        Some(RunPart::EndReset) if alone && frequency.is_none() => Ok(Order::EndReset),
+        Some(RunPart::EndReset) | None => go(registers, frequency, None),
     }
 }
 
@@ -65,7 +88,7 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
 pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
     match part(model, &Bases::default(), write.address, write.value)? {
         DecodedPart::Register(_) => Ok(()),
-        DecodedPart::Run(_) | DecodedPart::Frequency(_) => Err(Reason::NotAllowed),
+        DecodedPart::Run(_) | DecodedPart::Direction(_) | DecodedPart::Frequency(_) => Err(Reason::NotAllowed),
     }
 }
 
@@ -80,10 +103,7 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
-        Some(Role::RunCommand) => {
-            let run = model.run.as_ref().and_then(|run| run.order_in(value));
-            run.map(DecodedPart::Run).ok_or(Reason::NotUnderstood)
-        }
+        Some(Role::RunCommand | Role::Order) => order_part(model, register.address, value).ok_or(Reason::NotUnderstood),
         Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(frequency(register, bases, value))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes(value) => Err(Reason::OutsideRange),
@@ -104,6 +124,68 @@ fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Re
     let anywhere = (Hertz::ZERO, Hertz::from_millihertz(u32::MAX));
     let is_same = register.word_of(hertz, anywhere, known) == Some(value);
     if is_same { Ok(hertz) } else { Err(Reason::BetweenSteps) }
+}
+
+/// What `value` orders in the register at `address`, which takes orders.
+fn order_part(model: &Model, address: Address, value: u16) -> Option<DecodedPart> {
+    if let Some(words) = model.direction_at(address) {
+        let direction = match value {
+            it if it == words.forward => Direction::Forward,
+            it if Some(it) == words.reverse => Direction::Reverse,
+            _ => return None,
+        };
+        return Some(DecodedPart::Direction(direction));
+    }
+    let kind = model.orders_at(address).find(|(_, fact)| fact.value == value).map(|(kind, _)| kind);
+    let clears = || {
+        let clear = model.reset_clears()?;
+        ((clear.address, clear.value) == (address, value)).then_some(RunPart::EndReset)
+    };
+    let part = match kind {
+        Some(OrderKind::Stop) => RunPart::Stop,
+        Some(OrderKind::Forward) => RunPart::Go(Direction::Forward),
+        Some(OrderKind::Reverse) => RunPart::Go(Direction::Reverse),
+        Some(OrderKind::Coast) => RunPart::Coast,
+        Some(OrderKind::Reset) => RunPart::Reset,
+        Some(OrderKind::Release) => RunPart::Release,
+        None => clears().or_else(|| other_word(model, address, value))?,
+    };
+    Some(DecodedPart::Run(part))
+}
+
+/// What the run command `value` orders although it is not the word of an order: a word of zeros.
+fn other_word(model: &Model, address: Address, value: u16) -> Option<RunPart> {
+    let run = model.run.as_ref().filter(|_| model.takes_run_commands(address))?;
+    Some(match run.order_in(value)? {
+        OrderedWord::Stop => RunPart::Stop,
+        OrderedWord::Coast => RunPart::Coast,
+        OrderedWord::Release => RunPart::Release,
+        OrderedWord::Reset | OrderedWord::Go(_) => return None,
+    })
+}
+
+/// The order of two words for different registers in one block: a stop counts before all others, a cleared reset orders
+/// nothing.
+///
+/// # Errors
+/// [`Reason::Conflict`]
+fn together(first: Option<RunPart>, second: RunPart) -> Result<RunPart, Reason> {
+    let Some(first) = first else { return Ok(second) };
+    let both = [first, second];
+    for stops in [RunPart::Stop, RunPart::Coast] {
+        if both.contains(&stops) {
+            return Ok(stops);
+        }
+    }
+    match both {
+        [RunPart::EndReset, other] | [other, RunPart::EndReset] => Ok(other),
+        [one, other] if one == other => Ok(one),
+        _ => Err(Reason::Conflict),
+    }
+}
+
+fn has_direction(model: &Model) -> bool {
+    model.run.as_ref().is_some_and(|run| run.places.direction.is_some())
 }
 
 #[cfg(test)]

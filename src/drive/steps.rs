@@ -1,14 +1,18 @@
 //! Translates an order into a bounded list of steps according to the model.
 
+mod before_run;
+mod reset;
 #[cfg(test)]
 mod tests;
+
+pub use reset::{of_reset, of_take_back};
 
 use super::bases::Bases;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Flag, Model, Register, Role, RunCommand};
+use crate::profile::model::{Flag, Model, OrderKind, Register, Role};
 use crate::wire::pdu::{Request, function};
 use std::time::Duration;
 
@@ -41,8 +45,32 @@ pub enum Step {
     },
     /// Write a register, or neighbours in one frame, in the order of their addresses. Never empty.
     Write(Vec<Write>),
+    /// Read a register until it shows that what was written before has taken effect; else the command has failed.
+    Await(Await),
+    /// Read a register: if it meets the condition, the next steps are left out.
+    Skip(Skip),
     /// Send nothing to the drive for this long.
     Rest(Duration),
+}
+
+/// What the drive must show before a command goes on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Await {
+    /// The condition; `within` is its time limit.
+    pub condition: Condition,
+    /// How long after the write before it the register is read at the earliest.
+    pub at_least: Duration,
+    /// Why the command has failed if the drive does not show it.
+    pub reason: Reason,
+}
+
+/// Steps that a drive in some state does not need.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Skip {
+    /// The state.
+    pub condition: Condition,
+    /// Number of steps that are left out then.
+    pub count: usize,
 }
 
 /// One word that a command writes.
@@ -107,8 +135,14 @@ pub enum StepPart {
     Setpoint(Hertz),
     /// It starts the motor.
     Run(Direction),
+    /// It prepares the drive for the run word.
+    Start,
+    /// It gives the direction of the run word that follows.
+    Direction(Direction),
     /// It belongs to a reset.
     Reset {
+        /// It writes the reset word; all other words stop the motor or clear the reset.
+        resets: bool,
         /// It is the last one.
         ends: bool,
         /// The drive shows afterwards whether a trip holds.
@@ -118,6 +152,8 @@ pub enum StepPart {
     Release,
     /// It replaces a reset word that was left in the register.
     TakesBack,
+    /// It takes back a start that the drive did not follow.
+    TakesStartBack,
 }
 
 /// Why an order has no steps on a model.
@@ -155,7 +191,7 @@ pub fn of_go(
     let run = run(model, direction)?;
     if !control.bus.has_frequency() {
         steps.push(Step::Write(vec![run]));
-        return Ok(steps);
+        return before_run::before_run(model, direction, steps);
     }
     match setpoint_of_run(model, go, last)? {
         Some(frequency) => steps.extend(setpoint_and_run(model, setpoint(model, frequency, control, bases)?, run)),
@@ -164,25 +200,7 @@ pub fn of_go(
             steps.push(Step::Write(vec![run]));
         }
     }
-    Ok(steps)
-}
-
-/// The steps of a reset: the model's sequence, after which nothing turns.
-///
-/// # Errors
-/// [`NoSteps::NotCapable`]
-pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
-    let (register, run) = command_register(model)?;
-    let last = run.reset_sequence.len().checked_sub(1).ok_or(NoSteps::NotCapable)?;
-    let is_seen = model.status_flag(Flag::Tripped).is_some();
-    let write = |(index, value): (usize, &u16)| {
-        let ends = index == last;
-        let part = StepPart::Reset { ends, is_seen };
-        let shown = if ends { reset_shown(model) } else { Vec::new() };
-        Step::Write(vec![Write { address: register.address, value: *value, part, shown }])
-    };
-    let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
-    Ok(run.reset_sequence.iter().enumerate().map(write).chain(rest).collect())
+    before_run::before_run(model, direction, steps)
 }
 
 /// The register and the word that stop a drive, or cut its output off.
@@ -190,27 +208,17 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
 /// # Errors
 /// [`NoSteps::NotCapable`]
 pub fn of_stop(model: &Model, coast: bool) -> Result<(Address, u16), NoSteps> {
-    let (register, run) = command_register(model)?;
-    let value = if coast { run.coast.as_ref().ok_or(NoSteps::NotCapable)?.value } else { run.stop.value };
-    Ok((register.address, value))
+    order(model, if coast { OrderKind::Coast } else { OrderKind::Stop })
 }
 
-/// The steps that replace the word of an interrupted reset by a stop. If the register can be read, only if it still
-/// holds that word.
+/// The steps that take back a start that the drive did not follow.
 ///
 /// # Errors
-/// [`NoSteps::NotCapable`] if a reset leaves no word in the register.
-pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
-    let (register, run) = command_register(model)?;
-    let reset = run.reset.as_ref().ok_or(NoSteps::NotCapable)?.value;
-    if run.reset_sequence.last() != Some(&run.stop.value) {
-        return Err(NoSteps::NotCapable);
-    }
-    let check =
-        register.access.can_read().then_some(Step::Check { address: register.address, least: reset, most: reset });
-    let write =
-        Write { address: register.address, value: run.stop.value, part: StepPart::TakesBack, shown: Vec::new() };
-    Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
+/// [`NoSteps::NotCapable`] if the model starts by the run word alone.
+pub fn of_start_taken_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
+    let value = model.start_take_back().ok_or(NoSteps::NotCapable)?;
+    let (address, _) = order(model, OrderKind::Forward)?;
+    Ok(vec![Step::Write(vec![Write { address, value, part: StepPart::TakesStartBack, shown: Vec::new() }])])
 }
 
 /// The functions by which a drive takes one word: some serve no function 06 or 05 and take it as a block of one.
@@ -266,9 +274,8 @@ pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
 /// # Errors
 /// [`NoSteps::NotCapable`]
 pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
-    let (register, run) = command_register(model)?;
-    let value = run.release.as_ref().ok_or(NoSteps::NotCapable)?.value;
-    Ok(vec![Step::Write(vec![Write { address: register.address, value, part: StepPart::Release, shown: Vec::new() }])])
+    let (address, value) = order(model, OrderKind::Release)?;
+    Ok(vec![Step::Write(vec![Write { address, value, part: StepPart::Release, shown: Vec::new() }])])
 }
 
 /// The steps that set the registers in `addresses` that the drive needs before it obeys the bus, in the model's order.
@@ -285,9 +292,10 @@ pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSte
     Ok(wanted.map(|(address, value)| Step::Write(vec![register(model, RegisterWrite { address, value })])).collect())
 }
 
-fn command_register(model: &Model) -> Result<(&Register, &RunCommand), NoSteps> {
-    let register = model.register_for(Role::RunCommand).ok_or(NoSteps::NotCapable)?;
-    Ok((register, model.run.as_ref().ok_or(NoSteps::NotCapable)?))
+/// The register and the word of the order `kind`.
+fn order(model: &Model, kind: OrderKind) -> Result<(Address, u16), NoSteps> {
+    let (address, fact) = model.order(kind).ok_or(NoSteps::NotCapable)?;
+    Ok((address, fact.value))
 }
 
 fn register(model: &Model, write: RegisterWrite) -> Write {
@@ -332,16 +340,16 @@ fn setpoint_words(
 }
 
 fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
-    let (register, run) = command_register(model)?;
-    let value = match direction {
-        Direction::Forward => run.forward.value,
-        Direction::Reverse => run.reverse.as_ref().ok_or(NoSteps::NotCapable)?.value,
+    let kind = match direction {
+        Direction::Forward => OrderKind::Forward,
+        Direction::Reverse => OrderKind::Reverse,
     };
+    let (address, value) = order(model, kind)?;
     let is_reverse = direction == Direction::Reverse;
     let running = Condition::flag(model, Flag::Running, true);
     let turns = running.is_some().then(|| Condition::flag(model, Flag::Reverse, is_reverse)).flatten();
     let shown = running.into_iter().chain(turns).collect();
-    Ok(Write { address: register.address, value, part: StepPart::Run(direction), shown })
+    Ok(Write { address, value, part: StepPart::Run(direction), shown })
 }
 
 /// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
@@ -367,18 +375,6 @@ fn setpoint_and_run(model: &Model, setpoint: Write, run: Write) -> Vec<Step> {
         (true, false) => vec![Step::Write(vec![run, setpoint])],
         (false, _) => vec![Step::Write(vec![setpoint]), Step::Write(vec![run])],
     }
-}
-
-/// After a reset no trip holds and nothing turns, as far as the model shows it.
-fn reset_shown(model: &Model) -> Vec<Condition> {
-    let flags = [Flag::Tripped, Flag::Running].into_iter().filter_map(|flag| Condition::flag(model, flag, false));
-    let mut shown: Vec<_> = flags.collect();
-    if shown.is_empty() {
-        // One word of a pair may be 0 although the motor turns.
-        let output = model.register_for(Role::OutputFrequency).filter(|output| output.form.is_one_word());
-        shown.extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
-    }
-    shown
 }
 
 /// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.

@@ -1,5 +1,6 @@
 //! A command in execution: its steps in turn, then a read-back of their effect, with one outcome for all.
 
+mod awaiting;
 mod read_back;
 mod reset;
 #[cfg(test)]
@@ -154,7 +155,7 @@ impl List {
         let Stage::Step(index) = self.stage else { return None };
         match self.approved.steps().get(index)? {
             Step::Rest(rest) => Some(now + *rest),
-            Step::Check { .. } | Step::Require { .. } | Step::Write(_) => None,
+            Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Write(_) => None,
         }
     }
 
@@ -167,7 +168,7 @@ impl List {
             self.stage = Stage::Step(write);
             return Next::Goes(None);
         }
-        self.go_on_from(index)
+        self.go_on_from(index, until)
     }
 
     /// Whether the next request may be sent: reads after a write always may, and so may the end of a reset. A list that
@@ -177,12 +178,15 @@ impl List {
     /// [`Void`]
     pub fn may_go(&self, now: MonoTime, stops: u64) -> Result<(), Void> {
         match self.stage {
-            Stage::Step(_) if self.has_begun && now >= self.start_before() + HELD_UP_MAX && !self.takes_back() => {
-                Err(Void::TooLate)
-            }
+            Stage::Step(_) if self.has_begun && self.is_held_up(now) && !self.takes_back() => Err(Void::TooLate),
             Stage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
             Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => Ok(()),
         }
+    }
+
+    /// Whether it was delayed for too long at `now`; what it waits for itself is no delay.
+    fn is_held_up(&self, now: MonoTime) -> bool {
+        now >= self.start_before() + HELD_UP_MAX + self.waits()
     }
 
     /// The deadline of its first write.
@@ -236,7 +240,7 @@ impl List {
     /// The drive answered at `now`.
     pub fn answered(&mut self, reply: &Reply, now: MonoTime) -> Next {
         match (self.stage, reply) {
-            (Stage::Step(index), reply) => self.step_answered(index, reply),
+            (Stage::Step(index), reply) => self.step_answered(index, reply, now),
             (Stage::ReadBack(index, shown) | Stage::Resolve(index, shown), Reply::Words(words)) => {
                 match words.first() {
                     Some(word) => self.shown(index, shown, *word, now),
@@ -267,12 +271,13 @@ impl List {
             return self.read_again();
         };
         let part = write.part;
-        let is_first_word = self.first_word() == Some(write.value);
         // Reads may come before the first write.
         let is_later = self.approved.steps().iter().take(index).any(|step| !writes_of(step).is_empty());
         match part {
-            StepPart::TakesBack => self.end_of_reset_unanswered(),
-            StepPart::Reset { .. } if is_later && is_first_word => self.end_of_reset_unanswered(),
+            StepPart::TakesBack | StepPart::TakesStartBack => self.end_of_reset_unanswered(),
+            // The run word was not sent, and is not.
+            StepPart::Direction(_) | StepPart::Start => Next::Ends(Report::new(Outcome::Failed, Reason::NoReply)),
+            StepPart::Reset { resets: false, .. } if is_later => self.end_of_reset_unanswered(),
             StepPart::Reset { ends, .. } if is_later => {
                 self.is_in_doubt = true;
                 match self.rest_step() {
@@ -286,24 +291,24 @@ impl List {
         }
     }
 
-    /// The first word that it writes; for a reset, a stop.
-    fn first_word(&self) -> Option<u16> {
-        self.approved.steps().iter().flat_map(writes_of).map(|write| write.value).next()
-    }
-
-    fn step_answered(&mut self, index: usize, reply: &Reply) -> Next {
+    fn step_answered(&mut self, index: usize, reply: &Reply, now: MonoTime) -> Next {
         match (self.approved.steps().get(index), reply) {
             (Some(Step::Check { least, most, .. }), Reply::Words(words)) => match words.first() {
-                Some(word) if (least..=most).contains(&word) => self.go_on_from(index),
+                Some(word) if (least..=most).contains(&word) => self.go_on_from(index, now),
                 _ => Next::Ends(Report::refused(Reason::SetpointUnknown)),
             },
             (Some(Step::Require { address, mask, values, reason }), Reply::Words(words)) => match words.first() {
-                Some(word) if values.contains(&(word & mask)) => self.go_on_from(index),
+                Some(word) if values.contains(&(word & mask)) => self.go_on_from(index, now),
                 word => {
                     Next::Ends(Report { held: word.copied(), register: Some(*address), ..Report::refused(*reason) })
                 }
             },
-            (Some(Step::Check { .. } | Step::Require { .. }), _) => self.unanswered(),
+            (Some(Step::Await(_)), Reply::Words(words)) => self.awaited(index, words.first().copied(), now),
+            (Some(Step::Skip(skip)), Reply::Words(words)) => {
+                let is_met = words.first().is_some_and(|word| skip.condition.is_met(*word));
+                self.go_on_from(if is_met { index + skip.count } else { index }, now)
+            }
+            (Some(Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_)), _) => self.unanswered(),
             (Some(Step::Write(writes)), Reply::Holds { value }) if writes.iter().any(|it| it.value != *value) => {
                 let kept = Report::new(Outcome::Failed, Reason::KeptOldValue);
                 Next::Ends(Report { held: Some(*value), ..kept })
@@ -311,15 +316,17 @@ impl List {
             (Some(Step::Write(_)), _) => {
                 // A drive that answered after its rest needs no other.
                 let rested = self.repeats == Repeats::Done;
-                self.go_on_from(if rested { index + 1 } else { index })
+                self.go_on_from(if rested { index + 1 } else { index }, now)
             }
             (Some(Step::Rest(_)) | None, _) => self.end(),
         }
     }
 
-    fn go_on_from(&mut self, index: usize) -> Next {
+    fn go_on_from(&mut self, index: usize, now: MonoTime) -> Next {
         self.in_vain = 0;
+        self.shown_until = None;
         if index + 1 < self.approved.steps().len() {
+            self.ready_at = self.not_before(index + 1, now);
             self.stage = Stage::Step(index + 1);
             return Next::Goes(None);
         }
@@ -341,8 +348,10 @@ impl List {
         if self.is_in_doubt && !(has_read_back && writes.clone().any(is_seen)) {
             return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
         }
-        let shows =
-            |write: &Write| !write.shown.is_empty() || matches!(write.part, StepPart::Reset { ends: false, .. });
+        // What comes before another write shows in the effect of that.
+        let comes_before =
+            |part| matches!(part, StepPart::Start | StepPart::Direction(_) | StepPart::Reset { ends: false, .. });
+        let shows = |write: &Write| !write.shown.is_empty() || comes_before(write.part);
         let outcome = if has_read_back && writes.all(shows) { Outcome::Confirmed } else { Outcome::Acknowledged };
         Next::Ends(Report::new(outcome, Reason::None))
     }
@@ -367,6 +376,6 @@ pub const fn reason_of(kind: Option<ExceptionKind>) -> Reason {
 fn writes_of(step: &Step) -> &[Write] {
     match step {
         Step::Write(writes) => writes,
-        Step::Check { .. } | Step::Require { .. } | Step::Rest(_) => &[],
+        Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Rest(_) => &[],
     }
 }

@@ -38,6 +38,9 @@ pub enum Note {
     /// A reset from before a restart, or an unanswered one, may not have been cleared.
     #[error("the reset word may remain in the drive's run command: clearing it")]
     ResetTakenBack,
+    /// The drive has not followed a start in several words.
+    #[error("the drive has not followed the start: taking it back")]
+    StartTakenBack,
     /// A client repeatedly stops the drive although others start it.
     #[error(
         "{by} repeatedly stops the drive although it was started elsewhere: a controller that is not in charge must not write"

@@ -182,10 +182,10 @@ impl StopLatch {
         (at, self.order.request_in(self.form))
     }
 
-    /// The word that it writes.
+    /// The order that it sends.
     #[must_use]
-    pub const fn word(&self) -> u16 {
-        self.order.word()
+    pub const fn order(&self) -> &StopOrder {
+        &self.order
     }
 
     /// Its frame, if it has not been sent yet, neither to this drive nor as a broadcast.

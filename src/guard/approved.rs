@@ -82,6 +82,8 @@ impl Approved {
             Step::Check { address, .. } | Step::Require { address, .. } => {
                 Some(Request::Read { address: *address, count: 1 })
             }
+            Step::Skip(skip) => Some(Request::Read { address: skip.condition.address, count: 1 }),
+            Step::Await(wait) => Some(Request::Read { address: wait.condition.address, count: 1 }),
             Step::Rest(_) => None,
         }
     }

@@ -71,6 +71,22 @@ impl DriveGuard {
         })
     }
 
+    /// Takes back a start that the drive did not follow, and inhibits the next one until a client orders it again. `None` if
+    /// the drive may no longer be commanded.
+    pub fn take_start_back(&mut self, now: MonoTime) -> Option<Approved> {
+        self.control.as_ref().filter(|_| !self.is_ending && !self.is_leaving)?;
+        let steps = steps::of_start_taken_back(&self.model).ok()?;
+        self.inhibit(now);
+        Some(Approved {
+            order: Order::Stop { setpoint: None },
+            owner: Owner::Local,
+            stops: self.stops(),
+            start_before: MonoTime::NEVER,
+            steps,
+            functions: steps::WriteFunctions::of(&self.model),
+        })
+    }
+
     /// Whether a reset was accepted from `owner`, who has repeated the order ever since; if so, the hold is renewed.
     fn holds_reset(&mut self, owner: Owner, until: MonoTime, now: MonoTime) -> bool {
         self.resetting.forget_past(now);

@@ -209,7 +209,9 @@ pub fn longest_gap_on_line(
 /// The longest exchanges with a drive of `model`: class, and PDU bytes of request and reply.
 fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
     let block = |block: &BlockWrite| (6 + WORD_BYTES * usize::from(block.count.value), SHORT_PDU_BYTES);
-    let single = if model.serves(function::WRITE_SINGLE) { SHORT_PDU_BYTES } else { 6 + WORD_BYTES };
+    let has_coil = model.registers.iter().any(|it| it.access.can_write() && it.address.table().is_of_bits());
+    let coil = if has_coil && !model.serves(function::WRITE_COIL) { 6 + 1 } else { SHORT_PDU_BYTES };
+    let single = if model.serves(function::WRITE_SINGLE) { coil } else { 6 + WORD_BYTES };
     let writes = [Some((single, SHORT_PDU_BYTES)), model.write.block.as_ref().map(block)];
     let writes = writes.into_iter().flatten();
     let writes = writes.flat_map(|(request, reply)| {

@@ -104,8 +104,9 @@ pub(super) const CONFIDENCES: [(&str, Confidence); 7] =
     own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
-pub const ROLES: [(&str, Role); 25] = [
+pub const ROLES: [(&str, Role); 26] = [
     ("run-command", Role::RunCommand),
+    ("order", Role::Order),
     ("frequency-command", Role::FrequencyCommand),
     ("frequency-setting", Role::FrequencySetting),
     ("output-frequency", Role::OutputFrequency),

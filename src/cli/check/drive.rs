@@ -117,6 +117,7 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
         control.on_shutdown.word()
     )?;
     capabilities(text, control, model)?;
+    start(text, model)?;
     if let Some(priority) = model.run.as_ref().and_then(|run| priority(&run.form)) {
         writeln!(
             text,
@@ -124,6 +125,19 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
         )?;
     }
     Ok(())
+}
+
+/// How long the drive may take to follow the words before the run word.
+fn start(text: &mut String, model: &Model) -> Result {
+    let count = model.start_steps().len();
+    if count == 0 {
+        return Ok(());
+    }
+    let waits = duration_text(model.start_waits());
+    writeln!(
+        text,
+        "    writes before the run word: {count}, at most {waits} for the drive to follow them; a stop is one frame"
+    )
 }
 
 /// Which clients may command while another one holds control, and what keeps control.
@@ -268,6 +282,7 @@ fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result 
 
 #[cfg(test)]
 mod tests {
+    use super::start;
     use crate::config;
     use crate::profile::catalog::Catalog;
 
@@ -299,6 +314,16 @@ write = ["ramp", "0x8110"]
 listen = "127.0.0.1:1502"
 write = ["127.0.0.1/32"]
 "#;
+
+    #[test]
+    fn a_start_in_several_words_is_told_with_its_bound() {
+        let model = crate::profile::check::model(include_str!("../../../tests/golden/models/start.toml")).unwrap();
+        let mut text = String::new();
+        start(&mut text, &model).unwrap();
+        let expected =
+            "    writes before the run word: 2, at most 4100ms for the drive to follow them; a stop is one frame\n";
+        assert_eq!(text, expected);
+    }
 
     #[test]
     fn a_drive_is_told_with_all_that_its_model_demands() {

@@ -66,7 +66,9 @@ fn parameter(model: &Model, register: &Register) -> Value {
 /// The registers of the model that are not parameters, each with the reason.
 fn left_out(model: &Model) -> Vec<Value> {
     let reason = |register: &Register| match (register.access.can_read(), register.role) {
-        (false, Some(Role::RunCommand | Role::FrequencyCommand)) => Some("a command register, which cannot be read"),
+        (false, Some(Role::RunCommand | Role::Order | Role::FrequencyCommand)) => {
+            Some("a command register, which cannot be read")
+        }
         (false, _) => Some("write-only"),
         (true, _) if register.code.is_none() => Some("not a parameter: the vendor has no code for it"),
         (true, _) => None,

@@ -75,7 +75,8 @@ fn a_register_is_read_back() {
 
 #[test]
 fn a_reset_never_carries_a_run_order() {
-    let reset = |value, ends, shown| one(0x0002, value, StepPart::Reset { ends, is_seen: false }, shown);
+    let reset =
+        |value, ends, shown| one(0x0002, value, StepPart::Reset { resets: value == 4, ends, is_seen: false }, shown);
     let still = Condition::holds(0x0101_u16.into(), vec![0], Duration::ZERO);
     let expected = [reset(0, false, vec![]), reset(4, false, vec![]), reset(0, true, vec![still])];
     assert_eq!(of_reset(&model()).unwrap(), expected);

@@ -9,7 +9,7 @@ use std::time::Duration;
 /// Maximum number of attempts for a read.
 pub(super) const READS_MAX: u8 = 3;
 /// Time between two reads of a condition that is not met yet.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+pub(super) const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 impl List {
     /// Checks `word` against the condition `shown` of the step at `index`, and against the following ones in the same
@@ -78,6 +78,7 @@ impl List {
 
     pub(super) fn give_up_reading(&mut self) -> Next {
         Next::Ends(match self.stage {
+            Stage::Step(_) if self.has_begun => Report::new(Outcome::Failed, Reason::NoReply),
             Stage::Step(_) => Report::refused(Reason::NoReply),
             Stage::ReadBack(..) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
             Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),

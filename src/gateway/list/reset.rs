@@ -14,20 +14,18 @@ impl List {
         let (sent, left) = self.approved.steps().split_at_checked(index + usize::from(is_on_the_wire))?;
         let rest = left.iter().find_map(|step| match step {
             Step::Rest(rest) => Some(*rest),
-            Step::Check { .. } | Step::Require { .. } | Step::Write(_) => None,
+            Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Write(_) => None,
         })?;
-        let stop = self.first_word();
-        sent.iter().flat_map(writes_of).any(|write| Some(write.value) != stop).then_some(rest)
+        let resets = |write: &Write| matches!(write.part, StepPart::Reset { resets: true, .. });
+        sent.iter().flat_map(writes_of).any(resets).then_some(rest)
     }
 
     /// Whether the next request only clears a reset, or writes nothing.
     pub(super) fn takes_back(&self) -> bool {
-        let stop = self.first_word();
         // On some models the last word is the reset word.
-        let takes_back = |write: &Write| match write.part {
-            StepPart::TakesBack => true,
-            StepPart::Reset { ends, .. } => ends && Some(write.value) == stop,
-            _ => false,
+        let takes_back = |write: &Write| {
+            let clears = matches!(write.part, StepPart::Reset { ends: true, resets: false, .. });
+            clears || matches!(write.part, StepPart::TakesBack | StepPart::TakesStartBack)
         };
         self.present_writes().iter().all(takes_back)
     }
@@ -35,9 +33,7 @@ impl List {
     /// Whether the next request writes the reset word, which a later one clears.
     #[must_use]
     pub fn leaves_a_reset_standing(&self) -> bool {
-        let stop = self.first_word();
-        let resets =
-            |write: &Write| matches!(write.part, StepPart::Reset { ends: false, .. }) && Some(write.value) != stop;
+        let resets = |write: &Write| matches!(write.part, StepPart::Reset { ends: false, resets: true, .. });
         self.present_writes().iter().any(resets)
     }
 

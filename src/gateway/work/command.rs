@@ -220,7 +220,13 @@ impl DriveWork {
                         });
                         self.guard.setpoint_failed(value, still_ordered);
                     }
-                    StepPart::Register | StepPart::Reset { .. } | StepPart::Release | StepPart::TakesBack => {}
+                    StepPart::Start
+                    | StepPart::Direction(_)
+                    | StepPart::TakesStartBack
+                    | StepPart::Register
+                    | StepPart::Reset { .. }
+                    | StepPart::Release
+                    | StepPart::TakesBack => {}
                 }
             }
         }

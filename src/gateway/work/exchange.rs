@@ -1,7 +1,7 @@
 //! A drive's wishes for the wire, and the consequences of its own exchanges.
 
 use super::{DriveWork, Out, Rank, Want};
-use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
+use crate::domain::command::{Direction, Order, Outcome, Owner, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
 use crate::gateway::ended::BUSY_REST;
@@ -10,7 +10,7 @@ use crate::gateway::list::{Next, reason_of};
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::line::exchange::Ending;
-use crate::profile::model::ExceptionKind;
+use crate::profile::model::{ExceptionKind, OrderKind};
 use crate::wire::pdu::{Reply, Request};
 
 impl DriveWork {
@@ -58,6 +58,7 @@ impl DriveWork {
                 }
                 list.was_sent();
                 self.reset_stands |= list.leaves_a_reset_standing();
+                self.start_was_sent();
             }
             Rank::Look | Rank::Trip => {}
         }
@@ -139,7 +140,7 @@ impl DriveWork {
         let Some(latch) = &mut self.latch else { return };
         let failed = Report::new(Outcome::Failed, Reason::KeptOldValue);
         let refused = match ending {
-            Ending::Reply(Reply::Holds { value: held }) if *held != latch.word() => {
+            Ending::Reply(Reply::Holds { value: held }) if *held != latch.order().word() => {
                 Some(Report { held: Some(*held), ..failed })
             }
             // A busy drive has refused nothing.
@@ -152,14 +153,18 @@ impl DriveWork {
             }
             _ => None,
         };
+        let kind = if latch.order().is_coast() { OrderKind::Coast } else { OrderKind::Stop };
         let (report, is_final) = match ending {
             _ if refused.is_some() => {
                 self.is_stop_refused = true;
                 (refused.filter(|_| latch.refused(now)), true)
             }
             Ending::Reply(_) => {
-                self.reset_stands &= doubt;
-                (latch.echoed(now, doubt), false)
+                if !doubt {
+                    self.replaces(kind);
+                }
+                let report = self.latch.as_mut().and_then(|latch| latch.echoed(now, doubt));
+                (report, false)
             }
             Ending::Exception(_) | Ending::Garbled | Ending::Silent => {
                 latch.unanswered(now);
@@ -256,9 +261,27 @@ impl DriveWork {
                 self.starts(now);
                 self.guard.run_is_unknown(direction);
             }
+            StepPart::Direction(direction) => self.may_turn_round(direction),
             StepPart::Setpoint(_) => self.guard.setpoint_is_unknown(),
             StepPart::Reset { .. } => self.guard.setpoint_may_be_lost(),
-            StepPart::Register | StepPart::Release | StepPart::TakesBack => {}
+            StepPart::Start
+            | StepPart::Register
+            | StepPart::Release
+            | StepPart::TakesBack
+            | StepPart::TakesStartBack => {}
+        }
+    }
+
+    /// The word of the order `kind` was written.
+    fn replaces(&mut self, kind: OrderKind) {
+        self.replaces_reset(kind);
+        self.replaces_start(kind);
+    }
+
+    /// The direction was written: a motor that turns follows it at once.
+    fn may_turn_round(&mut self, direction: Direction) {
+        if self.is_moving() {
+            self.guard.run_is_unknown(direction);
         }
     }
 
@@ -274,10 +297,13 @@ impl DriveWork {
             StepPart::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
             StepPart::Run(direction) => {
                 self.starts(now);
-                self.reset_is_taken_back();
+                self.replaces_reset(OrderKind::Forward);
                 self.guard.run_was_acknowledged(direction);
             }
-            StepPart::TakesBack | StepPart::Release => self.reset_is_taken_back(),
+            StepPart::Direction(direction) => self.may_turn_round(direction),
+            StepPart::Release => self.replaces(OrderKind::Release),
+            StepPart::TakesStartBack => self.start_is_taken_back(),
+            StepPart::TakesBack => self.reset_is_taken_back(),
             StepPart::Reset { ends: true, .. } => {
                 self.reset_is_taken_back();
                 self.guard.setpoint_may_be_lost();
@@ -285,7 +311,7 @@ impl DriveWork {
                     self.trips.reset_acknowledged();
                 }
             }
-            StepPart::Register | StepPart::Reset { .. } => {}
+            StepPart::Start | StepPart::Register | StepPart::Reset { .. } => {}
         }
     }
 }

@@ -9,6 +9,7 @@ mod pass;
 mod remembered;
 mod reset;
 mod seen;
+mod start;
 mod watchdog;
 
 use super::list::List;
@@ -113,6 +114,10 @@ pub struct DriveWork {
     said_reset: bool,
     /// The earliest moment to clear it.
     take_back_at: MonoTime,
+    /// A start may stand in the drive that it has not followed.
+    start_stands: bool,
+    /// The earliest moment to take it back.
+    start_back_at: MonoTime,
     /// The drive has refused a stop, and none has taken effect since.
     is_stop_refused: bool,
     /// When it last refused every form of a stop.
@@ -169,6 +174,8 @@ impl DriveWork {
             reset_stands: false,
             said_reset: false,
             take_back_at: MonoTime::ZERO,
+            start_stands: false,
+            start_back_at: MonoTime::ZERO,
             is_stop_refused: false,
             stop_refused_at: None,
             told_refused: false,

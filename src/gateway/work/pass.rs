@@ -31,7 +31,8 @@ impl DriveWork {
         self.pass_stop(now, is_offline, out);
         self.leave_to_watchdog(now, out);
         self.expire_lists(now, out);
-        self.take_reset_back(now, out);
+        self.take_start_back(now, is_offline, out);
+        self.take_reset_back(now, is_offline, out);
     }
 
     /// When [`Self::pass`] is due.

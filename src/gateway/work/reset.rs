@@ -9,6 +9,7 @@ use crate::gateway::list::List;
 use crate::gateway::note::Note;
 use crate::gateway::waiter::Waiter;
 use crate::journal::{Entry, RowNumber};
+use crate::profile::model::OrderKind;
 use std::time::Duration;
 
 /// Time between two attempts to clear the word.
@@ -33,20 +34,28 @@ impl DriveWork {
     }
 
     /// Clears the reset word if it may remain and nothing else is in progress. A turning motor is left alone: the reset
-    /// word is not what it obeys.
-    pub(super) fn take_reset_back(&mut self, now: MonoTime, out: Out<'_>) {
-        let is_busy = self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty();
-        let may_go = self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
+    /// word is not what it obeys. In a register of its own the word is cleared before the next order, whether or not the
+    /// motor turns: the next trip would be reset by it.
+    pub(super) fn take_reset_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        let is_apart = !self.model.replaces_reset(OrderKind::Stop);
+        let is_busy = self.latch.is_some() || self.current.is_some() || !(is_apart || self.waiting.is_empty());
+        let is_at_rest = self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
+        let may_go = if is_apart { !is_offline } else { is_at_rest };
         if !self.reset_stands || is_busy || !may_go || now < self.take_back_at {
             return;
         }
         self.take_back_at = now + AGAIN_AFTER;
         let Some(approved) = self.guard.take_reset_back() else { return };
         out.push_back(Effect::Note(self.drive, Note::ResetTakenBack));
-        self.push(List::new(approved, Waiter::of_nobody(self.drive)), out);
+        self.waiting.push_front(List::new(approved, Waiter::of_nobody(self.drive)));
     }
 
-    /// The run command holds a word other than the reset word.
+    /// The word of the order `kind` was written: it replaces the reset word where both are in one register.
+    pub(super) fn replaces_reset(&mut self, kind: OrderKind) {
+        self.reset_stands &= !self.model.replaces_reset(kind);
+    }
+
+    /// The reset's register holds a word other than the reset word.
     pub(super) const fn reset_is_taken_back(&mut self) {
         self.reset_stands = false;
     }

@@ -33,6 +33,9 @@ impl DriveWork {
         let ran = self.status.is_running();
         if let Some(running) = self.status.take(address, words) {
             self.status_at = Some(reading.at);
+            if running {
+                self.runs_now();
+            }
             // The drive was started again, and not from here.
             let is_started = running && (ran == Some(false) || self.is_turned_round());
             self.is_stopping &= self.latch.is_some() || !is_started;

@@ -3,8 +3,9 @@
 use super::answer::Answer;
 use super::ask::Ask;
 use super::refusal;
+use crate::domain::address::Address;
 use crate::domain::native::{NativeAsk, NativeOutcome, Refusal};
-use crate::profile::model::{Model, OrderedWord, Role};
+use crate::profile::model::Model;
 use crate::wire::exception;
 
 /// The request that `ask` makes to a drive. 04 is served as 03, because drives have no input registers of their own.
@@ -44,9 +45,8 @@ pub fn is_stop(model: &Model, ask: &Ask) -> bool {
         Ask::WriteWords { address, values } => (*address, values.as_slice()),
         _ => return false,
     };
-    let (Some(register), Some(run)) = (model.register_for(Role::RunCommand), &model.run) else { return false };
-    let Some(word) = register.address.word_in(address.into(), values) else { return false };
-    matches!(run.order_in(word), Some(OrderedWord::Stop | OrderedWord::Coast))
+    let mut written = Address::from(address).onwards().zip(values);
+    written.any(|(address, value)| model.stops_at(address, *value))
 }
 
 const fn exception_of(why: Refusal) -> u8 {

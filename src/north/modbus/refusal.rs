@@ -44,6 +44,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::DriveLocked
         | Reason::DriveInTrip
         | Reason::NotReadBack
+        | Reason::NotReady
         | Reason::NotEffective => exception::SERVER_DEVICE_FAILURE,
         Reason::StartInhibited
         | Reason::StopPending
@@ -113,7 +114,7 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 62] = [
+    const CODES: [u8; 63] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
@@ -121,7 +122,7 @@ mod tests {
         4, 6, 6, 1, 6, 3, // unchanged, shutting_down, commander_lost, no_release, moving, outside_range
         6, 6, 6, 6, 6, 1, 6, 6, // line_quality, starts_too_often, ... no_take, removed, stop_refused
         11, 6, 6, 1, 6, // clock_ahead, precondition, other_drive, not_over_bus, full_scale_unknown
-        6, 4, 4, // drive_busy, drive_locked, drive_in_trip
+        6, 4, 4, 4, // drive_busy, drive_locked, drive_in_trip, not_ready
     ];
 
     #[test]

@@ -46,7 +46,7 @@ pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWri
 /// The input of a register that is written only by orders.
 const fn own_input(register: &Register) -> Option<&'static str> {
     match register.role {
-        Some(Role::RunCommand) => Some("run/set"),
+        Some(Role::RunCommand | Role::Order) => Some("run/set"),
         Some(Role::FrequencyCommand) => Some("frequency/set"),
         _ => None,
     }

@@ -2,10 +2,9 @@
 
 use super::{FrameValue, KnownDrive};
 use crate::domain::address::Address;
-use crate::domain::control::ControlAction;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
-use crate::profile::model::{BitMeaning, Model, Register, Role, RunCommand};
+use crate::profile::model::{BitMeaning, Model, Register, Role};
 use crate::profile::scale::digits_of;
 use crate::profile::words::{BIT_MEANINGS, FLAGS, ZERO_WORDS};
 use crate::toml_file::words::word_for;
@@ -77,8 +76,8 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     let depends = register.form.bases().next().is_some() || register.form.exponent_mask != 0;
     let value = register.value(|address| (address == register.address).then_some(word));
     let Some(scaled) = value.filter(|_| !depends) else { return format!("0x{word:04X}") };
-    if let Some(run) = model.run.as_ref().filter(|_| register.role == Some(Role::RunCommand)) {
-        return with_meaning(format!("0x{word:04X}"), run_text(run, word));
+    if matches!(register.role, Some(Role::RunCommand | Role::Order)) {
+        return with_meaning(format!("0x{word:04X}"), order_text(model, register, word));
     }
     if let Some(meaning) = register.meaning(word) {
         return with_meaning(scaled.to_string(), meaning.to_owned());
@@ -106,13 +105,18 @@ fn with_meaning(value: String, meaning: String) -> String {
     if meaning.is_empty() { value } else { format!("{value} ({meaning})") }
 }
 
-/// What a word in the run command register orders; empty if the model does not say.
-fn run_text(run: &RunCommand, word: u16) -> String {
-    let actions = ControlAction::ALL.iter().filter_map(|action| Some((action.word(), run.action(*action)?)));
-    let all = [("stop", &run.stop), ("forward", &run.forward)].into_iter().chain(actions);
-    if let Some((name, _)) = all.into_iter().find(|(_, fact)| fact.value == word) {
-        return name.to_owned();
+/// What a word in a register of orders stands for; empty if the model does not say.
+fn order_text(model: &Model, register: &Register, word: u16) -> String {
+    if let Some(words) = model.direction_at(register.address) {
+        let known = [(Some(words.forward), "forward"), (words.reverse, "reverse")];
+        return known.into_iter().find(|(it, _)| *it == Some(word)).map_or("", |(_, name)| name).to_owned();
     }
+    if let Some((kind, _)) = model.orders_at(register.address).find(|(_, fact)| fact.value == word) {
+        return kind.word().to_owned();
+    }
+    let Some(run) = model.run.as_ref().filter(|_| register.role == Some(Role::RunCommand)) else {
+        return String::new();
+    };
     let zero = run.zero.as_ref().filter(|_| word == 0);
     if let Some(zero) = zero {
         return word_for(&ZERO_WORDS, &zero.value).to_owned();

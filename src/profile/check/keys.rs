@@ -44,8 +44,8 @@ pub(super) fn is_polled(register: &RegisterFile, role: &Spanned<Role>, what: &st
     }
 }
 
-/// The register called `name`, which must be readable.
-pub(super) fn readable<'f>(
+/// The register called `name`, which must exist.
+pub(super) fn there<'f>(
     name: &Spanned<String>,
     registers: &'f [RegisterFile],
     problems: &mut Vec<Problem>,
@@ -59,6 +59,16 @@ pub(super) fn readable<'f>(
         problems.push(name.location.problem(format!("there is no register called `{}`", name.value)).right(right));
         return None;
     };
+    Some(register)
+}
+
+/// The register called `name`, which must be readable.
+pub(super) fn readable<'f>(
+    name: &Spanned<String>,
+    registers: &'f [RegisterFile],
+    problems: &mut Vec<Problem>,
+) -> Option<&'f RegisterFile> {
+    let register = there(name, registers, problems)?;
     if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
         let problem = name.location.problem(format!("`{}` is not readable", name.value));
         problems.push(problem.right("a register with access \"read\" or \"read-write\""));

@@ -3,10 +3,12 @@
 mod exchange;
 mod keys;
 mod link;
+mod orders;
 mod registers;
 mod run;
 mod run_word;
 mod setup;
+mod start;
 mod status;
 mod values;
 mod warnings;
@@ -61,6 +63,8 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let OptionalKey::Valid(run) = &file.run {
         run::check(&run.value, &run.location, &file.registers, problems);
     }
+    orders::check(file, problems);
+    start::check(file, problems);
     status::check(file, problems);
     setup::check(file, problems);
 }

@@ -1,10 +1,9 @@
 //! The rules between the keys of `[run]`.
 
-use super::keys::once;
 use super::run_word;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, RunFile};
-use crate::profile::model::Role;
+use crate::profile::model::{OrderKind, Role};
 use crate::profile::register::RegisterFile;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
@@ -12,10 +11,10 @@ use crate::toml_file::{Location, OptionalKey, Spanned};
 const RESET_WORDS_MAX: usize = 8;
 
 pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let called = |word: &u16| format!("the word {}", shown(*word, run));
-    once(run.words().map(|(_, word)| word), called, "a word that no other run command uses", problems);
     forbidden_words_are_no_commands(run, problems);
-    reset_is_framed(run, location, problems);
+    if run.places.named(OrderKind::Reset).is_none() {
+        reset_is_framed(run, location, problems);
+    }
     match run.form.as_ref().map(|form| form.value) {
         None => {}
         Some(FormWord::Values) => run_word::values_have_no_bits(run, problems),
@@ -35,8 +34,9 @@ pub(super) fn shown(word: u16, run: &RunFile) -> String {
 
 /// No command uses a forbidden word.
 fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
-    for Spanned { value: never, location } in run.never.iter().filter_map(|fact| fact.value.as_ref()) {
-        if let Some((_, word)) = run.words().find(|(_, word)| word.value == *never) {
+    for (register, Spanned { value: never, location }) in run.never() {
+        let is_there = |kind| run.places.named(kind).map(|name| name.value.as_str()) == register;
+        if let Some((_, word)) = run.words().find(|(kind, word)| word.value == *never && is_there(*kind)) {
             let what = format!("the word {} is the command {}", shown(*never, run), word.location.key);
             problems.push(location.problem(what).right("a word that is not a command"));
         }

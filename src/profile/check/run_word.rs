@@ -4,8 +4,8 @@ use super::keys::once;
 use super::run::shown;
 use crate::domain::command::Direction;
 use crate::domain::problem::Problem;
-use crate::profile::file::{FieldFile, FormWord, Order, RunFile};
-use crate::profile::model::{BitMeaning, Sense, WordEffect, WordSenses, ZeroWord};
+use crate::profile::file::{FieldFile, FormWord, RunFile};
+use crate::profile::model::{BitMeaning, OrderKind, Sense, WordEffect, WordSenses, ZeroWord};
 use crate::profile::words::{BIT_MEANINGS, ZERO_WORDS};
 use crate::toml_file::words::word_for;
 use crate::toml_file::{Location, OptionalKey, Spanned};
@@ -31,19 +31,33 @@ pub(super) fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut 
     fields_are_sound(run, problems);
     let declared = declared(run);
     let priority = run.priority.valid();
-    for written in run.words().map(|(_, word)| word).chain(priority) {
+    for written in run.own_words().map(|(_, word)| word).chain(priority) {
         bits_are_declared(written, declared, problems);
     }
-    for (order, word) in run.words() {
+    for (order, word) in run.own_words() {
         values_are_listed(word, run, problems);
         orders_one_thing(order, word, run, problems);
-        if let Some(priority) = priority.filter(|it| order != Order::Release && word.value & it.value != it.value) {
+        if let Some(priority) = priority.filter(|it| order != OrderKind::Release && word.value & it.value != it.value) {
             let what = format!("0x{:04X} lacks bits of `priority`", word.value);
             problems.push(word.location.problem(what).right(format!(
                 "0x{:04X}, if the documents show that word, or another `priority`",
                 word.value | priority.value
             )));
         }
+    }
+}
+
+/// `word` consists of declared bits, and moves nothing.
+pub(super) fn bits_order_nothing(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+    bits_are_declared(word, declared(run), problems);
+    values_are_listed(word, run, problems);
+    let senses = run.senses();
+    let moves = |meaning: BitMeaning| {
+        meaning.turns() || matches!(meaning, BitMeaning::Trip | BitMeaning::Toggle | BitMeaning::Reset)
+    };
+    for sense in senses.held(word.value).filter(|sense| moves(sense.meaning)) {
+        let (what, right) = told(sense, word.value);
+        problems.push(word.location.problem(what).right(right));
     }
 }
 
@@ -114,23 +128,23 @@ fn values_are_listed(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Prob
 }
 
 /// What a command must not mean beside what it orders. Only forward and reverse turn the motor.
-fn is_wrong(order: Order, meaning: BitMeaning) -> bool {
+fn is_wrong(order: OrderKind, meaning: BitMeaning) -> bool {
     use BitMeaning::{Coast, DcBrake, Freeze, Ignored, Jog, QuickStop, Reset, Stop, Toggle, Trip};
     if matches!(meaning, Trip | Toggle | Ignored) {
         return true;
     }
     match order {
-        Order::Forward | Order::Reverse => {
+        OrderKind::Forward | OrderKind::Reverse => {
             matches!(meaning, Jog | Stop | QuickStop | DcBrake | Freeze | Coast | Reset)
         }
-        Order::Stop => meaning.turns() || matches!(meaning, QuickStop | DcBrake | Freeze | Coast | Reset),
-        Order::Coast => meaning.turns() || meaning == Reset,
-        Order::Reset | Order::Release => meaning.turns(),
+        OrderKind::Stop => meaning.turns() || matches!(meaning, QuickStop | DcBrake | Freeze | Coast | Reset),
+        OrderKind::Coast => meaning.turns() || meaning == Reset,
+        OrderKind::Reset | OrderKind::Release => meaning.turns(),
     }
 }
 
 /// A command does what its name says, and nothing else.
-fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+fn orders_one_thing(order: OrderKind, word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
     let senses = run.senses();
     let mut is_refused = false;
     for sense in senses.held(word.value).filter(|sense| is_wrong(order, sense.meaning)) {
@@ -139,7 +153,7 @@ fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: 
         is_refused = true;
     }
     // That a word is another command's as well is told already.
-    let is_shared = run.words().any(|(other, it)| other != order && it.value == word.value);
+    let is_shared = run.own_words().any(|(other, it)| other != order && it.value == word.value);
     if is_refused || is_shared || !is_complete(run) {
         return;
     }
@@ -149,14 +163,14 @@ fn orders_one_thing(order: Order, word: &Spanned<u16>, run: &RunFile, problems: 
         return;
     }
     let needed = match order {
-        Order::Forward => return runs(Direction::Forward, word, &senses, problems),
-        Order::Reverse => return runs(Direction::Reverse, word, &senses, problems),
-        Order::Release => return,
+        OrderKind::Forward => return runs(Direction::Forward, word, &senses, problems),
+        OrderKind::Reverse => return runs(Direction::Reverse, word, &senses, problems),
+        OrderKind::Release => return,
         // Without such a bit a motor stops because nothing runs it.
-        Order::Stop if !senses.exists(BitMeaning::Stop) => return,
-        Order::Stop => BitMeaning::Stop,
-        Order::Coast => BitMeaning::Coast,
-        Order::Reset => BitMeaning::Reset,
+        OrderKind::Stop if !senses.exists(BitMeaning::Stop) => return,
+        OrderKind::Stop => BitMeaning::Stop,
+        OrderKind::Coast => BitMeaning::Coast,
+        OrderKind::Reset => BitMeaning::Reset,
     };
     if !senses.has(word.value, needed) {
         let meaning = word_for(&BIT_MEANINGS, &needed);
@@ -219,7 +233,7 @@ pub(super) fn zero_is_known(run: &RunFile, location: &Location, problems: &mut V
         return;
     };
     let Some(Spanned { value: stated, location }) = &zero.value else { return };
-    if let Some((order, word)) = run.words().find(|(_, word)| word.value == 0) {
+    if let Some((order, word)) = run.own_words().find(|(_, word)| word.value == 0) {
         let what = format!("the word {} is the command {}", shown(0, run), word.location.key);
         match by_command(order) {
             Some(right) if right == *stated => {}
@@ -262,12 +276,12 @@ fn reason_for_zero(run: &RunFile) -> Option<String> {
 }
 
 /// What a word of zeros does that is a command; `None` if nothing that the file can say.
-const fn by_command(order: Order) -> Option<ZeroWord> {
+const fn by_command(order: OrderKind) -> Option<ZeroWord> {
     match order {
-        Order::Stop => Some(ZeroWord::Stop),
-        Order::Coast => Some(ZeroWord::Coast),
-        Order::Release => Some(ZeroWord::Release),
-        Order::Forward | Order::Reverse | Order::Reset => None,
+        OrderKind::Stop => Some(ZeroWord::Stop),
+        OrderKind::Coast => Some(ZeroWord::Coast),
+        OrderKind::Release => Some(ZeroWord::Release),
+        OrderKind::Forward | OrderKind::Reverse | OrderKind::Reset => None,
     }
 }
 

@@ -9,8 +9,9 @@ use crate::profile::register::{CONFIGURED, RegisterFile};
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
 /// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
-const WORDS: [Role; 12] = [
+const WORDS: [Role; 13] = [
     Role::RunCommand,
+    Role::Order,
     Role::RunSource,
     Role::FrequencySource,
     Role::TripCount,

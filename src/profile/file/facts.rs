@@ -111,14 +111,8 @@ impl Facts<'_> {
         }
     }
 
-    /// The facts of the list `key`, each with its value under `value`.
-    pub fn each<T>(&self, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> Vec<FactFile<T>> {
-        let sections: Vec<Section<'_>> = reader.tables(key);
-        let read = |section| self.fact(reader.open(section), |reader| reader.required("value", kind));
-        sections.into_iter().map(read).collect()
-    }
-
-    fn fact<T>(
+    /// The fact that `reader` holds; `value` reads its value.
+    pub fn fact<T>(
         &self,
         mut reader: Reader<'_, '_>,
         value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,

@@ -6,10 +6,12 @@ mod documents;
 mod exchange;
 mod facts;
 mod link;
+mod orders;
 mod quirks;
 mod run;
 mod run_word;
 mod setup;
+mod start;
 mod status;
 
 pub(super) use codes::CodesFile;
@@ -17,10 +19,12 @@ pub(super) use documents::DocumentsFile;
 pub(super) use exchange::{BarrierFile, BarrierForm, BlockFile, ReadFile, WriteFile};
 pub(super) use facts::{FactFile, Origin};
 pub(super) use link::{LinkFile, TimingFile};
+pub(super) use orders::PlacesFile;
 pub(super) use quirks::QuirksFile;
-pub(super) use run::{FormWord, Order, RunFile};
+pub(super) use run::{FormWord, RunFile};
 pub(super) use run_word::FieldFile;
 pub(super) use setup::{IdentityFile, SetupFile, WatchdogFile};
+pub(super) use start::StartStepFile;
 pub(super) use status::{CodeFile, StatusFile};
 
 use super::like::LikeFile;
@@ -117,6 +121,8 @@ impl ModelFile {
             poll_what_orders_need(&setup, identity.as_ref(), register);
         }
         poll_bases(&mut registers);
+        let mut run = made(&self.run, |it| it.ready(&self.registers))?;
+        run.iter_mut().for_each(|run| orders::bind(run, &mut registers));
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
             vendor: self.vendor.as_ref()?.value.clone(),
@@ -132,7 +138,7 @@ impl ModelFile {
             exception_kinds: self.exceptions.iter().filter_map(CodeFile::ready_kind).collect(),
             quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(Quirks::default),
             barriers: each(&self.barriers, BarrierFile::ready)?,
-            run: made(&self.run, RunFile::ready)?,
+            run,
             status: each(&self.status, |it| it.ready(&self.registers))?,
             trip_codes: each(&self.trips, CodeFile::ready)?,
             warning_codes: each(&self.warnings, CodeFile::ready)?,

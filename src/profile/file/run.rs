@@ -1,8 +1,11 @@
 //! `[run]`: how run commands are given.
 
 use super::facts::{FactFile, Facts, optional};
+use super::orders::PlacesFile;
 use super::run_word::{BitFile, FieldFile};
-use crate::profile::model::{RunCommand, RunForm, WordSenses, ZeroWord};
+use super::start::StartFile;
+use crate::profile::model::{OrderKind, RunCommand, RunForm, WordSenses, ZeroWord};
+use crate::profile::register::RegisterFile;
 use crate::profile::words::ZERO_WORDS;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
@@ -30,52 +33,46 @@ pub(in crate::profile) struct RunFile {
     pub reset: Option<FactFile<u16>>,
     pub release: Option<FactFile<u16>>,
     pub reset_sequence: OptionalKey<Vec<Spanned<u16>>>,
-    pub never: Vec<FactFile<u16>>,
     pub zero: Option<FactFile<ZeroWord>>,
-}
-
-/// What a run command orders.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::profile) enum Order {
-    Stop,
-    Forward,
-    Reverse,
-    Coast,
-    Reset,
-    Release,
+    pub places: PlacesFile,
+    pub start: StartFile,
 }
 
 impl RunFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let word = Kind::number(0..=u16::MAX);
-        let run = Self {
+        let mut places = PlacesFile::default();
+        let mut run = Self {
             form: reader.required("form", &Kind::one_of(&FORMS)),
             bits: reader.tables("bit").into_iter().map(|it| BitFile::read(facts, reader.open(it))).collect(),
             fields: reader.tables("field").into_iter().map(|it| FieldFile::read(facts, reader.open(it))).collect(),
             priority: reader.optional("priority", &Kind::number(1..=u16::MAX)),
-            stop: facts.value(&mut reader, "stop", &word),
-            forward: facts.value(&mut reader, "forward", &word),
-            reverse: facts.optional_value(&mut reader, "reverse", &word),
-            coast: facts.optional_value(&mut reader, "coast", &word),
-            reset: facts.optional_value(&mut reader, "reset", &word),
-            release: facts.optional_value(&mut reader, "release", &word),
+            stop: places.order(facts, &mut reader, OrderKind::Stop),
+            forward: places.order(facts, &mut reader, OrderKind::Forward),
+            reverse: places.optional_order(facts, &mut reader, OrderKind::Reverse),
+            coast: places.optional_order(facts, &mut reader, OrderKind::Coast),
+            reset: places.optional_order(facts, &mut reader, OrderKind::Reset),
+            release: places.optional_order(facts, &mut reader, OrderKind::Release),
             reset_sequence: reader.list("reset_sequence", &word),
-            never: facts.each(&mut reader, "never", &word),
             zero: facts.optional_value(&mut reader, "zero", &Kind::choice(&ZERO_WORDS, zero_means)),
+            places: PlacesFile::default(),
+            start: StartFile::read(facts, &mut reader),
         };
+        places.read_rest(facts, &mut reader);
+        run.places = places;
         reader.finish();
         run
     }
 
     /// The usable command words, each with its order.
-    pub fn words(&self) -> impl Iterator<Item = (Order, &Spanned<u16>)> {
+    pub fn words(&self) -> impl Iterator<Item = (OrderKind, &Spanned<u16>)> {
         let all = [
-            (Order::Stop, Some(&self.stop)),
-            (Order::Forward, Some(&self.forward)),
-            (Order::Reverse, self.reverse.as_ref()),
-            (Order::Coast, self.coast.as_ref()),
-            (Order::Reset, self.reset.as_ref()),
-            (Order::Release, self.release.as_ref()),
+            (OrderKind::Stop, Some(&self.stop)),
+            (OrderKind::Forward, Some(&self.forward)),
+            (OrderKind::Reverse, self.reverse.as_ref()),
+            (OrderKind::Coast, self.coast.as_ref()),
+            (OrderKind::Reset, self.reset.as_ref()),
+            (OrderKind::Release, self.release.as_ref()),
         ];
         all.into_iter().filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
     }
@@ -86,8 +83,20 @@ impl RunFile {
         WordSenses(bits.chain(self.fields.iter().flat_map(FieldFile::senses)).collect())
     }
 
+    /// Those that are written to the register for run commands.
+    pub fn own_words(&self) -> impl Iterator<Item = (OrderKind, &Spanned<u16>)> {
+        self.words().filter(|(kind, _)| self.places.named(*kind).is_none())
+    }
+
+    /// The words that are never written, each with the register that it names.
+    pub fn never(&self) -> impl Iterator<Item = (Option<&str>, &Spanned<u16>)> {
+        let all = self.places.never.iter();
+        all.filter_map(|(fact, name)| Some((name.valid().map(|name| name.value.as_str()), fact.value.as_ref()?)))
+    }
+
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self) -> Option<RunCommand> {
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<RunCommand> {
+        let forward = self.forward.ready()?;
         Some(RunCommand {
             form: match self.form.as_ref()?.value {
                 FormWord::Values => RunForm::Values,
@@ -100,8 +109,8 @@ impl RunFile {
                 }
             },
             stop: self.stop.ready()?,
-            forward: self.forward.ready()?,
-            reverse: optional(self.reverse.as_ref())?,
+            reverse: optional(self.reverse.as_ref())?.or_else(|| self.places.reverse(&forward)),
+            forward,
             coast: optional(self.coast.as_ref())?,
             reset: optional(self.reset.as_ref())?,
             release: optional(self.release.as_ref())?,
@@ -110,8 +119,10 @@ impl RunFile {
                 OptionalKey::Invalid => return None,
                 OptionalKey::Valid(sequence) => sequence.value.iter().map(|word| word.value).collect(),
             },
-            never: self.never.iter().map(FactFile::ready).collect::<Option<Vec<_>>>()?,
+            never: self.places.own_never()?,
             zero: optional(self.zero.as_ref())?,
+            places: self.places.ready(registers)?,
+            start: self.start.ready(registers)?,
         })
     }
 }

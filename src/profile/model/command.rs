@@ -1,11 +1,11 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
-use super::{Confidence, Fact, FactPart, Model, Role, RunForm, ZeroWord};
+use super::{Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, Role, RunForm, Start, ZeroWord};
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
 use crate::domain::link::Interface;
 
-/// How run commands are given: words written to one register.
+/// How run commands are given: words written to one register, or to those in `places`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunCommand {
     /// How the words are built.
@@ -23,15 +23,44 @@ pub struct RunCommand {
     /// Hand control back to panel and terminals, if the model supports it.
     pub release: Option<Fact<u16>>,
     /// The words written in turn to reset a trip: a stop first, then `reset` and stops only; with bits, a stop last,
-    /// which clears the reset bit. Empty if the model has no reset.
+    /// which clears the reset bit. Empty if the model has no reset, or writes it to another register than the stop.
     pub reset_sequence: Vec<u16>,
     /// Words that are never written, whatever a client asks for: the drive's reaction to them is unknown.
     pub never: Vec<Fact<u16>>,
     /// What the drive does with an all-zero word, if the file says it beside the commands.
     pub zero: Option<Fact<ZeroWord>>,
+    /// What is not written to the register for run commands, and what is written beside an order.
+    pub places: OrderPlaces,
+    /// The words before the run word.
+    pub start: Start,
 }
 
 impl RunCommand {
+    /// The word of the order `kind`; `None` if the model lacks it.
+    #[must_use]
+    pub const fn word(&self, kind: OrderKind) -> Option<&Fact<u16>> {
+        match kind {
+            OrderKind::Stop => Some(&self.stop),
+            OrderKind::Forward => Some(&self.forward),
+            OrderKind::Reverse => self.reverse.as_ref(),
+            OrderKind::Coast => self.coast.as_ref(),
+            OrderKind::Reset => self.reset.as_ref(),
+            OrderKind::Release => self.release.as_ref(),
+        }
+    }
+
+    /// The same, to be changed.
+    pub(in crate::profile) const fn word_mut(&mut self, kind: OrderKind) -> Option<&mut Fact<u16>> {
+        match kind {
+            OrderKind::Stop => Some(&mut self.stop),
+            OrderKind::Forward => Some(&mut self.forward),
+            OrderKind::Reverse => self.reverse.as_mut(),
+            OrderKind::Coast => self.coast.as_mut(),
+            OrderKind::Reset => self.reset.as_mut(),
+            OrderKind::Release => self.release.as_mut(),
+        }
+    }
+
     /// The word for `action`; `None` if the model lacks it, or if the action is not a single word.
     #[must_use]
     pub const fn action(&self, action: ControlAction) -> Option<&Fact<u16>> {
@@ -77,9 +106,19 @@ impl Model {
     pub fn unproven_basics(&self) -> Vec<Basic<'_>> {
         let Some(run) = &self.run else { return Vec::new() };
         let mut basics = Vec::new();
-        for (what, key, fact) in [("stop", "run.stop", &run.stop), ("forward", "run.forward", &run.forward)] {
-            let also = self.second_source(key);
-            basics.push(Basic { what, confidence: fact.confidence, source: &fact.source, also });
+        let mut add = |what: &'static str, key: &str, confidence, source| {
+            basics.push(Basic { what, confidence, source, also: self.second_source(key) });
+        };
+        add("stop", "run.stop", run.stop.confidence, run.stop.source.as_str());
+        add("forward", "run.forward", run.forward.confidence, run.forward.source.as_str());
+        if let Some(direction) = &run.places.direction {
+            add("direction", "run.direction", direction.confidence, direction.source.as_str());
+        }
+        for step in &run.start.steps {
+            add("start", "run.start", step.write.confidence, step.write.source.as_str());
+        }
+        if let Some(fact) = &run.start.take_back {
+            add("take_back", "run.take_back", fact.confidence, fact.source.as_str());
         }
         let registers = [
             ("the run command's register", Role::RunCommand),

@@ -51,7 +51,9 @@ impl Register {
         match self.role {
             _ if !self.access.can_write() => ParameterKind::ReadOnly,
             _ if self.back_door.is_some() => ParameterKind::BackDoor,
-            Some(Role::RunCommand | Role::FrequencyCommand | Role::FrequencySetting) => ParameterKind::Command,
+            Some(Role::RunCommand | Role::Order | Role::FrequencyCommand | Role::FrequencySetting) => {
+                ParameterKind::Command
+            }
             Some(Role::FrequencySource | Role::RunSource) => ParameterKind::Source,
             _ if self.is_link => ParameterKind::Link,
             _ => ParameterKind::Plain,

@@ -11,6 +11,8 @@ use std::time::Duration;
 pub enum Role {
     /// Run commands are written here.
     RunCommand,
+    /// An order of its own is written here, or the direction of the next one.
+    Order,
     /// The commanded frequency is written here.
     FrequencyCommand,
     /// The frequency setting as the drive holds it.
@@ -53,7 +55,7 @@ pub enum Role {
     Temperature,
     /// Run hours.
     RunHours,
-    /// An older trip's number. The only role that several registers may have; the newest trip is at the lowest address.
+    /// An older trip's number. Several registers may have this role; the newest trip is at the lowest address.
     TripHistory,
     /// The number of the active warning, 0 for none. A warning stops no motor.
     WarningCode,
@@ -65,7 +67,7 @@ impl Role {
     /// Whether several registers of a model may have this role.
     #[must_use]
     pub const fn is_repeated(self) -> bool {
-        matches!(self, Self::TripHistory)
+        matches!(self, Self::TripHistory | Self::Order)
     }
 
     /// Whether the register decides what the motor does or whom it obeys. Only the gateway's own commands write such a
@@ -75,6 +77,7 @@ impl Role {
         matches!(
             self,
             Self::RunCommand
+                | Self::Order
                 | Self::FrequencyCommand
                 | Self::FrequencySetting
                 | Self::FrequencySource

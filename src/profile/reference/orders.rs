@@ -2,6 +2,9 @@
 
 use super::Section;
 
+const RUN_REGISTER: &str = "the one for run commands";
+const OWN_REGISTER: &str = "The name of the register that takes the word, if it has one of its own.";
+
 pub(super) const ORDERS: &[Section] = &[
     Section {
         table: "run",
@@ -15,6 +18,37 @@ pub(super) const ORDERS: &[Section] = &[
             ("coast", "no such order", "The word that cuts the output off."),
             ("reset", "no such order", "The word that resets a trip."),
             ("release", "no such order", "The word that hands control back to panel and terminals."),
+            ("stop.value", "", "The word."),
+            ("stop.register", RUN_REGISTER, OWN_REGISTER),
+            ("forward.value", "", "The word."),
+            ("forward.register", RUN_REGISTER, OWN_REGISTER),
+            ("reverse.value", "", "The word."),
+            ("reverse.register", RUN_REGISTER, OWN_REGISTER),
+            ("coast.value", "", "The word."),
+            ("coast.register", RUN_REGISTER, OWN_REGISTER),
+            ("reset.value", "", "The word."),
+            ("reset.register", RUN_REGISTER, OWN_REGISTER),
+            ("release.value", "", "The word."),
+            ("release.register", RUN_REGISTER, OWN_REGISTER),
+            (
+                "reset.clear",
+                "nothing is cleared",
+                "The word that is written to the reset's own register after the reset, whatever comes between.",
+            ),
+            (
+                "direction",
+                "part of the run word",
+                "The direction, where it is written to a register of its own before the run word. `reverse` is then left out.",
+            ),
+            ("direction.register", "", "The name of that register, which is writable and takes nothing else."),
+            ("direction.forward", "", "The word for forward."),
+            ("direction.reverse", "no such order", "The word for reverse."),
+            (
+                "take_back",
+                "`stop`",
+                "The word that takes back a start that the drive does not follow. Only beside `[[run.start]]`.",
+            ),
+            ("start", "the run word alone", "The words before the run word, see `[[run.start]]`."),
             (
                 "reset_sequence",
                 "required with `reset`",
@@ -28,6 +62,8 @@ pub(super) const ORDERS: &[Section] = &[
                  coast where 0 coasts and `coast` is proven; otherwise it goes out as the stop word.",
             ),
             ("never", "none", "Words that are never written, whatever a client asks for."),
+            ("never.value", "", "The word."),
+            ("never.register", RUN_REGISTER, "The name of another register that takes orders, if it is forbidden there."),
             (
                 "priority",
                 "none",
@@ -62,6 +98,20 @@ pub(super) const ORDERS: &[Section] = &[
                 "The meaning of each value, shifted down: `{ \"0\" = \"nothing\", \"1\" = \"forward\" }`. It names 0.",
             ),
             ("values.NAME", "", "The meaning of this value, in decimal."),
+        ],
+    },
+    Section {
+        table: "run.start",
+        says: "The words that are written, in order, before the run word, to the same register. A drive that shows `running` \
+               gets the run word only.",
+        keys: &[
+            ("write", "", "The word. It neither runs nor resets."),
+            ("until", "", "What the drive must show before the next word."),
+            ("until.register", "", "The name of the readable register that shows it."),
+            ("until.mask", "the whole word", "The bits that count."),
+            ("until.values", "", "The masked words, one of which it must hold."),
+            ("at_least", "`\"0s\"`", "How long after the write the register is read at the earliest."),
+            ("within", "", "How long the drive may take. If it takes longer, the start is taken back and has failed."),
         ],
     },
     Section {

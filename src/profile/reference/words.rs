@@ -154,6 +154,7 @@ pub(super) const WORDS: &[Words] = &[
         of: &["register.role"],
         words: &[
             ("run-command", "Takes the words of `[run]`. Writable and not stored."),
+            ("order", "Takes an order of `[run]` that names it, or the direction. Writable and not stored."),
             (
                 "frequency-command",
                 "Takes the setpoint. Writable, not stored, and in Hz if the drive is to take orders.",

@@ -4,34 +4,66 @@ use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
 use crate::domain::control::ControlAction;
 use crate::profile::model::{
-    BitMeaning, Model, OrderedWord, RunBit, RunCommand, RunField, RunForm, SetupItem, ZeroWord,
+    BitMeaning, Model, OrderKind, OrderedWord, ResetWrite, RunBit, RunCommand, RunField, RunForm, SetupItem, StartStep,
+    ZeroWord,
 };
 use crate::profile::words::{BIT_MEANINGS, NEEDED_FOR};
+use crate::toml_file::values::duration_text;
 use crate::toml_file::words::{INTERFACES, word_for};
 
-pub(super) fn run_commands(run: &RunCommand) -> Vec<Row> {
+pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
     let shown = |word: u16| match run.form {
         RunForm::Values => word.to_string(),
         RunForm::Bits { .. } => format!("0x{word:04X}"),
     };
-    let all = [
-        ("stop", Some(&run.stop)),
-        ("forward", Some(&run.forward)),
-        ("reverse", run.reverse.as_ref()),
-        ("coast", run.coast.as_ref()),
-        ("reset", run.reset.as_ref()),
-        ("release", run.release.as_ref()),
-    ];
-    let mut rows: Vec<_> =
-        all.into_iter().filter_map(|(name, fact)| Some(row(name, shown(fact?.value), fact?))).collect();
+    let places = &run.places;
+    let of = |kind: OrderKind, word: u16| match places.registers.iter().find(|(it, _)| *it == kind) {
+        Some((_, address)) => format!("{word} to {}", name_at(model, *address)),
+        None => shown(word),
+    };
+    let is_given = |kind: &OrderKind| *kind != OrderKind::Reverse || places.direction.is_none();
+    let all = OrderKind::ALL.into_iter().filter(is_given).filter_map(|kind| Some((kind, run.word(kind)?)));
+    let mut rows: Vec<_> = all.map(|(kind, fact)| row(kind.word(), of(kind, fact.value), fact)).collect();
+    rows.extend(places.direction.iter().map(|fact| {
+        let words = &fact.value;
+        let reverse = words.reverse.map_or(String::new(), |word| format!(", reverse {word}"));
+        row("direction", format!("forward {}{reverse} to {}", words.forward, name_at(model, words.address)), fact)
+    }));
     rows.extend(run.never.iter().map(|fact| row("never written", shown(fact.value), fact)));
-    if !run.reset_sequence.is_empty() {
-        rows.push(vec!["a reset is".to_owned(), list(run.reset_sequence.iter().map(|word| shown(*word)))]);
+    rows.extend(
+        places.never.iter().map(|(address, fact)| {
+            row("never written", format!("{} to {}", fact.value, name_at(model, *address)), fact)
+        }),
+    );
+    rows.extend(starts(model, run));
+    let writes = model.reset_writes();
+    if !writes.is_empty() {
+        let kind = |write: &ResetWrite| {
+            let clears = Some(write.address) != model.order_address(OrderKind::Stop);
+            if write.resets || clears { OrderKind::Reset } else { OrderKind::Stop }
+        };
+        rows.push(vec!["a reset is".to_owned(), list(writes.iter().map(|write| of(kind(write), write.value)))]);
     }
     rows.extend(zero(run));
     if let RunForm::Bits { priority: priority @ 1.., .. } = run.form {
         rows.push(vec!["with all but release".to_owned(), shown(priority)]);
     }
+    rows
+}
+
+/// The words before the run word, each with what the drive must show after it.
+fn starts(model: &Model, run: &RunCommand) -> Vec<Row> {
+    let row_of = |step: &StartStep| {
+        let words = choice(step.values.iter().map(|word| format!("0x{word:04X}")));
+        let shown = format!("{} & 0x{:04X} = {words}", name_at(model, step.address), step.mask);
+        let least =
+            if step.at_least.is_zero() { String::new() } else { format!("after {}, ", duration_text(step.at_least)) };
+        let within = duration_text(step.within);
+        row("before run", format!("0x{:04X}, until {shown}, {least}at most {within}", step.write.value), &step.write)
+    };
+    let mut rows: Vec<_> = run.start.steps.iter().map(row_of).collect();
+    let back = run.start.take_back.iter();
+    rows.extend(back.map(|fact| row("a start is taken back by", format!("0x{:04X}", fact.value), fact)));
     rows
 }
 

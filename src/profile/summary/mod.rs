@@ -38,7 +38,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Exceptions", line::exceptions(model));
     section(&mut text, "Quirks", line::quirks(&model.quirks));
     if let Some(run) = &model.run {
-        section(&mut text, "Run commands", command::run_commands(run));
+        section(&mut text, "Run commands", command::run_commands(model, run));
         section(&mut text, "Bits of run commands", command::run_bits(run));
         section(&mut text, "Fields of run commands", command::run_fields(run));
         let heading = "Unproven control actions, each off until `accept_unverified` names it";
@@ -82,6 +82,14 @@ mod tests {
         assert!(text.ends_with("  manual      IM 4    Output frequency\n"), "{text}");
         let row = "  0x0101   D001  output_frequency  Hz    x100   read    fast  -       -      manual";
         assert!(text.contains(row), "{text}");
+    }
+
+    #[test]
+    fn orders_are_shown_with_their_registers() {
+        let text = include_str!("../../../tests/golden/models/orders.toml");
+        golden("orders.txt", &summary(&check::model(text).unwrap()));
+        let text = include_str!("../../../tests/golden/models/start.toml");
+        golden("start.txt", &summary(&check::model(text).unwrap()));
     }
 
     #[test]

@@ -183,7 +183,8 @@ impl SimDrive {
             offset.is_some_and(|offset| offset + values.len() <= usize::from(block.count.value))
         };
         // A drive without function 06 takes one register at a time wherever it lies.
-        let stands_for_06 = values.len() == 1 && !self.model.serves(function::WRITE_SINGLE);
+        let single = if first.table().is_of_bits() { function::WRITE_COIL } else { function::WRITE_SINGLE };
+        let stands_for_06 = values.len() == 1 && !self.model.serves(single);
         if !stands_for_06 && !block.is_none_or(is_inside) {
             return Err(Denied::Request(Objection::Address));
         }
@@ -207,8 +208,8 @@ impl SimDrive {
         if !register.access.can_write() || role.is_some_and(Self::is_measured) {
             return Err(Objection::Address);
         }
-        if role == Some(Role::RunCommand) {
-            return self.take_run_command(at, place, value);
+        if matches!(role, Some(Role::RunCommand | Role::Order)) {
+            return self.take_order(at, place, value);
         }
         if !register.takes(value) {
             return Err(Objection::Value);

@@ -1,6 +1,7 @@
 //! Meaning of a word in the run command register.
 
-use crate::profile::model::{BitMeaning, RunCommand, RunField, RunForm, ZeroWord};
+use crate::domain::address::Address;
+use crate::profile::model::{BitMeaning, Model, OrderKind, Role, RunCommand, RunField, RunForm, ZeroWord};
 
 /// The orders in a run command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,11 +40,12 @@ pub(super) enum Motion {
     Freeze,
 }
 
-/// The orders in `word`; `None` if it has no meaning.
-pub(super) fn wish(run: &RunCommand, word: u16) -> Option<RunOrder> {
+/// The orders in `word`, written to `address`; `None` if it has no meaning there.
+pub(super) fn wish(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
+    let run = model.run.as_ref()?;
+    let is_own = model.register_for(Role::RunCommand).is_some_and(|it| it.address == address);
     match &run.form {
-        RunForm::Values => one_command(run, word).or_else(|| zero_command(run).filter(|_| word == 0)),
-        RunForm::Bits { bits, fields, .. } => {
+        RunForm::Bits { bits, fields, .. } if is_own => {
             let mut meanings = Vec::new();
             for bit in 0..16 {
                 let is_set = word & (1 << bit) != 0;
@@ -59,6 +61,10 @@ pub(super) fn wish(run: &RunCommand, word: u16) -> Option<RunOrder> {
             let latches = bits.iter().any(|it| it.meaning == BitMeaning::Stop)
                 || fields.iter().any(|field| field.values.iter().any(|(_, it)| *it == Some(BitMeaning::Stop)));
             states(run, &meanings, latches)
+        }
+        RunForm::Values | RunForm::Bits { .. } => {
+            let zero = || zero_command(run).filter(|_| word == 0 && is_own);
+            one_command(model, address, word).or_else(zero)
         }
     }
 }
@@ -77,17 +83,17 @@ pub(super) fn has_priority(run: &RunCommand) -> bool {
     matches!(&run.form, RunForm::Bits { bits, .. } if bits.iter().any(|it| takes(it.meaning)))
 }
 
-fn one_command(run: &RunCommand, word: u16) -> Option<RunOrder> {
+fn one_command(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
     let none = RunOrder { is_one_command: true, ..RunOrder::default() };
-    let wishes = [
-        (Some(&run.stop), none),
-        (Some(&run.forward), RunOrder { motion: Motion::Run(1), ..none }),
-        (run.reverse.as_ref(), RunOrder { motion: Motion::Run(-1), ..none }),
-        (run.coast.as_ref(), RunOrder { coast: true, ..none }),
-        (run.reset.as_ref(), RunOrder { reset: true, ..none }),
-        (run.release.as_ref(), RunOrder { release: true, ..none }),
-    ];
-    wishes.into_iter().find(|(fact, _)| fact.is_some_and(|fact| fact.value == word)).map(|(_, wish)| wish)
+    let (kind, _) = model.orders_at(address).find(|(_, fact)| fact.value == word)?;
+    Some(match kind {
+        OrderKind::Stop => none,
+        OrderKind::Forward => RunOrder { motion: Motion::Run(1), ..none },
+        OrderKind::Reverse => RunOrder { motion: Motion::Run(-1), ..none },
+        OrderKind::Coast => RunOrder { coast: true, ..none },
+        OrderKind::Reset => RunOrder { reset: true, ..none },
+        OrderKind::Release => RunOrder { release: true, ..none },
+    })
 }
 
 /// What a word of zeros does that is no command of its own.

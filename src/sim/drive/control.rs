@@ -2,12 +2,11 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::command::{Motion, RunOrder, has_priority, wish};
+use super::command::{Motion, RunOrder, has_priority};
 use super::denied::Objection;
-use super::memory::MemoryAddress;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BitMeaning, Memory, Role, RunForm};
+use crate::profile::model::{BitMeaning, Memory, Register, Role, RunForm};
 use crate::sim::motor::MICROHERTZ;
 use std::time::Duration;
 
@@ -23,10 +22,12 @@ pub(super) struct Control {
     pub(super) direction: i64,
     is_jog: bool,
     /// The newest word takes control whatever the source registers say.
-    bus_run: bool,
-    bus_frequency: bool,
+    pub(super) bus_run: bool,
+    pub(super) bus_frequency: bool,
     /// The newest word has the reset bit.
     reset_held: bool,
+    /// The reset word stands in a register of its own.
+    pub(super) reset_stands: bool,
 }
 
 /// Accumulated running time.
@@ -50,29 +51,8 @@ impl RunClock {
 }
 
 impl SimDrive {
-    /// Applies `word` from the run command register to the motor.
-    pub(super) fn take_run_command(&mut self, at: MonoTime, place: MemoryAddress, word: u16) -> Result<(), Objection> {
-        let Some(run) = self.model.run.as_ref() else { return Err(Objection::Value) };
-        if run.never.iter().any(|never| never.value == word) {
-            self.report.forbidden_words += 1;
-            return Err(Objection::Value);
-        }
-        let wish = wish(run, word).ok_or(Objection::Value)?;
-        if wish.is_ignored {
-            return Ok(());
-        }
-        let needs_sources = !has_priority(run) && !wish.release;
-        let has_sources = self.is_source_at_bus(Role::RunSource) && self.is_source_at_bus(Role::FrequencySource);
-        if (needs_sources && !has_sources) || (self.wanted_direction(wish.motion) != 0 && self.tripped) {
-            return Err(Objection::NotNow);
-        }
-        // The effect of the word may change the register.
-        self.take(place, word);
-        self.obey_word(at, wish);
-        Ok(())
-    }
-
-    fn obey_word(&mut self, at: MonoTime, wish: RunOrder) {
+    /// Applies the orders of a word to the motor.
+    pub(super) fn obey_word(&mut self, at: MonoTime, wish: RunOrder) {
         let is_edge = wish.is_one_command || !self.control.reset_held;
         self.report.resets_held += u64::from(wish.reset && !is_edge);
         let had_bus = self.is_run_from_bus();
@@ -97,7 +77,7 @@ impl SimDrive {
     }
 
     /// The direction of a motor that is ordered to move like this; 0 if it is to stand still.
-    fn wanted_direction(&self, motion: Motion) -> i64 {
+    pub(super) fn wanted_direction(&self, motion: Motion) -> i64 {
         let before = self.control.direction;
         match motion {
             Motion::Stop => 0,
@@ -140,9 +120,9 @@ impl SimDrive {
         if is_ram(Role::FrequencyCommand) {
             self.setpoint = 0;
         }
-        if let Some(index) = self.index_for(Role::RunCommand) {
-            self.memory.forget(index);
-        }
+        let is_order = |it: &Register| matches!(it.role, Some(Role::RunCommand | Role::Order));
+        let orders = self.model.registers.iter().enumerate().filter(|(_, it)| is_order(it));
+        orders.for_each(|(index, _)| self.memory.forget(index));
     }
 
     /// Gives control to panel and terminals.
@@ -177,7 +157,7 @@ impl SimDrive {
 
     /// Whether the source register with `role` holds the value that the model's setup requires. A model without such a
     /// register always obeys, unless its commands must claim control.
-    fn is_source_at_bus(&self, role: Role) -> bool {
+    pub(super) fn is_source_at_bus(&self, role: Role) -> bool {
         let Some(index) = self.index_for(role) else { return !self.model.run.as_ref().is_some_and(has_priority) };
         let word = self.memory.word(index);
         let address = self.model.registers[index].address;

@@ -7,7 +7,7 @@ use super::memory::index_of;
 use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::Role;
+use crate::profile::model::OrderKind;
 use crate::sim::motor::MICROHERTZ;
 use crate::sim::options::RefusedStops;
 use crate::wire::pdu::function;
@@ -80,7 +80,7 @@ impl SimDrive {
             RefusedStops::Single => by == function::WRITE_SINGLE,
             RefusedStops::All => true,
         };
-        let run = self.model.register_for(Role::RunCommand).is_some_and(|it| it.address == address);
-        is_refused && run && self.model.run.as_ref().is_some_and(|run| run.stop.value == value)
+        let stop = self.model.order(OrderKind::Stop);
+        is_refused && stop.is_some_and(|(register, fact)| register == address && fact.value == value)
     }
 }

@@ -5,7 +5,7 @@ use super::back_door::BackDoor;
 use super::basis::first_basis;
 use super::command::has_priority;
 use crate::domain::address::Address;
-use crate::profile::model::{Access, Memory as Kind, Model, Register, Role, RunForm};
+use crate::profile::model::{Access, Memory as Kind, Model, OrderKind, Register, Role, RunForm};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
@@ -49,7 +49,8 @@ impl Memory {
     pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, word: u16) {
         let MemoryAddress { index, is_twin } = place;
         // A run command is not restored at power-up unless a document says that it is stored.
-        let is_order = register.role == Some(Role::RunCommand) && register.memory != Some(Kind::Stored);
+        let is_order =
+            matches!(register.role, Some(Role::RunCommand | Role::Order)) && register.memory != Some(Kind::Stored);
         if (is_order || register.memory == Some(Kind::Ram)) && !is_twin {
             return self.hold(index, word);
         }
@@ -141,9 +142,11 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
             options.sources_at_start.unwrap_or(ready)
         }
         Some(Role::RunCommand) => model.run.as_ref().map_or(0, |run| match run.form {
+            RunForm::Values if run.places.registers.iter().any(|(kind, _)| *kind == OrderKind::Stop) => 0,
             RunForm::Values => run.stop.value,
             RunForm::Bits { .. } => 0,
         }),
+        Some(Role::Order) => at_rest(model, register),
         _ if BackDoor::of(register) == Some(BackDoor::Limit) => {
             u16::try_from(u32::from(options.max_frequency_hz) * register.scale).unwrap_or(u16::MAX)
         }
@@ -158,4 +161,14 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
 fn lowest(register: &Register) -> u16 {
     let raw = register.range.as_ref().map_or(0, |range| 0.clamp(*range.start(), *range.end().max(range.start())));
     (raw & 0xFFFF) as u16
+}
+
+/// The word of `register`, which takes orders, before any was given.
+fn at_rest(model: &Model, register: &Register) -> u16 {
+    let direction = model.direction_at(register.address).map(|words| words.forward);
+    let clear = || {
+        let clears = model.reset_clears().filter(|it| it.address == register.address)?;
+        Some(clears.value)
+    };
+    direction.or_else(clear).unwrap_or(0)
 }

@@ -6,6 +6,8 @@
 //! | `denied` | exception codes |
 //! | `memory` | register contents, volatile and stored |
 //! | `command` | meaning of a run command |
+//! | `orders` | orders in registers of their own |
+//! | `start` | a start in several words |
 //! | `control` | control of the motor |
 //! | `shown` | measurements, trips and settings as registers show them |
 //! | `status` | status words |
@@ -23,7 +25,9 @@ mod denied;
 mod elsewhere;
 mod encode;
 mod memory;
+mod orders;
 mod shown;
+mod start;
 mod status;
 #[cfg(test)]
 mod tests;
@@ -36,9 +40,10 @@ use super::trip::TripLog;
 use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{ExceptionKind, Model, Role};
+use crate::profile::model::{ExceptionKind, Model, OrderKind, Role};
 use control::{Control, RunClock};
 use memory::{Memory, MemoryAddress, index_of, time};
+use start::Readiness;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -54,6 +59,7 @@ pub struct SimDrive {
     setpoint: i64,
     motor: Motor,
     control: Control,
+    start: Readiness,
     run_clock: RunClock,
     trips: TripLog,
     tripped: bool,
@@ -86,6 +92,7 @@ impl SimDrive {
             options,
             setpoint: 0,
             control: Control::default(),
+            start: Readiness::default(),
             run_clock: RunClock::default(),
             trips: TripLog::default(),
             tripped: false,
@@ -237,9 +244,14 @@ impl SimDrive {
     /// answered with a value other than its own.
     fn drop_out(&mut self, at: MonoTime) {
         self.cut_off(at);
-        let stop = self.model.run.as_ref().map_or(0, |run| run.stop.value);
-        if let Some(index) = self.index_for(Role::RunCommand) {
-            self.memory.hold(index, stop);
+        self.must_start_again();
+        let stop = self.model.order(OrderKind::Stop).map(|(address, fact)| (address, fact.value));
+        for kind in [OrderKind::Forward, OrderKind::Reverse] {
+            let Some(address) = self.model.order_address(kind) else { continue };
+            let word = stop.filter(|(register, _)| *register == address).map_or(0, |(_, word)| word);
+            if let Some(index) = index_of(&self.model, address) {
+                self.memory.hold(index, word);
+            }
         }
     }
 

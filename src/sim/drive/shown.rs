@@ -62,6 +62,7 @@ impl SimDrive {
         !matches!(
             role,
             Role::RunCommand
+                | Role::Order
                 | Role::FrequencyCommand
                 | Role::FrequencySetting
                 | Role::AccelerationTime

@@ -26,8 +26,8 @@ impl SimDrive {
         let named = here.iter().fold(0, |mask, it| mask | it.mask);
         let told: Vec<_> = here.iter().map(|it| (*it, self.is_so(at, it.flag))).collect();
         let word = told.iter().filter(|(_, is_so)| *is_so).fold(other & !named, |word, (it, _)| shown(word, it));
-        (!here.is_empty())
-            .then(|| told.iter().fold(word, |word, (it, is_so)| if *is_so { word } else { hidden(word, it, &told) }))
+        let hidden = |word, it: &(&StatusFlag, bool)| if it.1 { word } else { hidden(word, it.0, &told) };
+        (!here.is_empty()).then(|| self.with_readiness(at, address, told.iter().fold(word, hidden)))
     }
 
     /// Whether `flag` is set at `at`.

@@ -1,11 +1,12 @@
 //! The map of a native unit: the registers that the model knows, and which of them may be written.
 
 use super::{SheetFormat, SheetRow, SheetTable};
+use crate::domain::address::Address;
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{CodeText, Memory, Model, OrderedWord, Register, Role, RunCommand, StatusFlag};
+use crate::profile::model::{CodeText, Memory, Model, OrderKind, OrderedWord, Register, Role, StatusFlag};
 use crate::profile::scale::Scaled;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
@@ -30,10 +31,12 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
 }
 
 fn of(model: &Model, register: &Register, address: u16, control: Option<&ControlSettings>, rights: Rights) -> SheetRow {
-    let is_command = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
+    let is_command = is_command(register);
     let is_listed = control.is_some_and(|control| control.native_write.contains(&address));
     let commands = rights.write && control.is_some_and(|control| control.from_modbus_tcp);
-    let stops = rights.stop && control.is_some() && register.role == Some(Role::RunCommand);
+    let stops = rights.stop
+        && control.is_some()
+        && model.orders_at(register.address).any(|(kind, _)| matches!(kind, OrderKind::Stop | OrderKind::Coast));
     let is_twin = register.address != address;
     let is_written = commands && (is_command || is_listed) || stops;
     SheetRow {
@@ -54,10 +57,15 @@ fn of(model: &Model, register: &Register, address: u16, control: Option<&Control
     }
 }
 
+/// Whether a write to it is a command.
+const fn is_command(register: &Register) -> bool {
+    matches!(register.role, Some(Role::RunCommand | Role::Order | Role::FrequencyCommand))
+}
+
 /// What one step of the raw word is; empty for codes.
 fn step(register: &Register) -> String {
     let is_code = !register.meanings.is_empty()
-        || register.role.is_some_and(|role| role == Role::RunCommand || names_trips(role));
+        || register.role.is_some_and(|role| matches!(role, Role::RunCommand | Role::Order) || names_trips(role));
     match register.scale {
         _ if is_code || !register.form.is_plain() => String::new(),
         scale if 10_u32.pow(scale.ilog10()) == scale => Scaled::from_word(1, register).to_string(),
@@ -76,32 +84,38 @@ fn meaning(model: &Model, register: &Register) -> String {
     let flags = model.status.iter().filter(|flag| flag.address == register.address && register.meanings.is_empty());
     let flags = flags.map(of_flag);
     let of_role: Vec<_> = match register.role {
-        Some(Role::RunCommand) => model.run.iter().flat_map(run_words).collect(),
+        Some(Role::RunCommand | Role::Order) => order_words(model, register.address),
         Some(role) if names_trips(role) => model.trip_codes.iter().map(of_trip).collect(),
         _ => Vec::new(),
     };
     own.chain(flags).chain(of_role).collect::<Vec<_>>().join(", ")
 }
 
-/// The words of run commands, with those that the model does not prove marked.
-fn run_words(run: &RunCommand) -> Vec<String> {
-    let proven = [("stop", Some(&run.stop)), ("forward", Some(&run.forward))];
-    let others = [
-        ("reverse", run.reverse.as_ref()),
-        ("coast", run.coast.as_ref()),
-        ("reset", run.reset.as_ref()),
-        ("release", run.release.as_ref()),
-    ];
-    let all = proven.into_iter().chain(others).filter_map(|(word, fact)| Some((word, fact?)));
-    let is_command = all.clone().any(|(_, fact)| fact.value == 0);
-    let zero = run.order_in(0).filter(|_| !is_command);
-    let zero = zero.map(|order| if order == OrderedWord::Coast { "0 coast" } else { "0 stop" }.to_owned());
-    let all = all.map(|(word, fact)| {
-        let mark = if fact.confidence.is_proven() { "" } else { " (unproven)" };
-        let value = if fact.value > 9 { format!("0x{:04X}", fact.value) } else { fact.value.to_string() };
-        format!("{value} {word}{mark}")
-    });
-    all.chain(zero).collect()
+/// The words of orders in the register at `address`, with those that the model does not prove marked.
+fn order_words(model: &Model, address: Address) -> Vec<String> {
+    let row = |value: u16, text: &str, is_proven: bool| {
+        let mark = if is_proven { "" } else { " (unproven)" };
+        let value = if value > 9 { format!("0x{value:04X}") } else { value.to_string() };
+        format!("{value} {text}{mark}")
+    };
+    let mut rows: Vec<String> = Vec::new();
+    let is_by_direction = model.run.as_ref().is_some_and(|run| run.places.direction.is_some());
+    for (kind, fact) in model.orders_at(address) {
+        match kind {
+            OrderKind::Reverse if is_by_direction => {}
+            OrderKind::Forward if is_by_direction => rows.push(row(fact.value, "run", fact.confidence.is_proven())),
+            _ => rows.push(row(fact.value, kind.word(), fact.confidence.is_proven())),
+        }
+    }
+    if let Some(words) = model.direction_at(address) {
+        rows.push(row(words.forward, "forward", true));
+        rows.extend(words.reverse.map(|reverse| row(reverse, "reverse", true)));
+    }
+    let run = model.run.as_ref().filter(|_| model.takes_run_commands(address));
+    let is_command = model.orders_at(address).any(|(_, fact)| fact.value == 0);
+    let zero = run.and_then(|run| run.order_in(0)).filter(|_| !is_command);
+    rows.extend(zero.map(|order| if order == OrderedWord::Coast { "0 coast" } else { "0 stop" }.to_owned()));
+    rows
 }
 
 fn of_flag(flag: &StatusFlag) -> String {
@@ -127,7 +141,7 @@ fn of_trip(trip: &CodeText) -> String {
 
 fn special(register: &Register, commands: bool, is_listed: bool, is_twin: bool) -> String {
     let mut notes = Vec::new();
-    let is_command = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
+    let is_command = is_command(register);
     if commands {
         notes.push("a write is a command, with all its rules".to_owned());
     }

@@ -161,6 +161,7 @@ fn refused(last: &Report) -> Option<String> {
         (_, Reason::DriveInTrip) => "reset its trip first",
         (_, Reason::LocalControl) => "give control to the bus at the drive",
         (_, Reason::Precondition) => "`vfd-gateway verify` lists what must be set, `enable` sets it",
+        (_, Reason::NotReady) => "see at the drive what it waits for: mains, an enable terminal, a trip",
         (_, Reason::OtherDrive) => "check the station number and the model in the configuration",
         (_, Reason::SetpointUnknown) => "command a frequency first",
         (_, Reason::Unverified) => "list the action under `accept_unverified` once it was tried with care",

@@ -1,0 +1,62 @@
+//! What is sent before the run word: the words of a start, each once the drive shows the effect of the one before, and the
+//! direction of a model that takes it in a register of its own.
+
+use super::{Await, Condition, NoSteps, SHOWN_WITHIN, Skip, Step, StepPart, Write, order};
+use crate::domain::command::{Direction, Reason};
+use crate::profile::model::{Flag, Model, OrderKind, StartStep};
+use std::time::Duration;
+
+/// `steps` of a run order, with what goes before the frame that carries the run word.
+///
+/// # Errors
+/// [`NoSteps::NotCapable`]
+pub(super) fn before_run(model: &Model, direction: Direction, steps: Vec<Step>) -> Result<Vec<Step>, NoSteps> {
+    let has_run = |step: &Step| matches!(step, Step::Write(writes) if writes.iter().any(|it| matches!(it.part, StepPart::Run(_))));
+    let at = steps.iter().position(has_run).unwrap_or(steps.len());
+    let mut before = start(model)?;
+    before.extend(turn(model, direction)?);
+    let mut all = steps;
+    all.splice(at..at, before);
+    Ok(all)
+}
+
+/// The words of a start. A drive that shows that it runs needs none of them.
+fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
+    let starts = model.start_steps();
+    if starts.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (address, _) = order(model, OrderKind::Forward)?;
+    let step = |step: &StartStep| {
+        let write = Write { address, value: step.write.value, part: StepPart::Start, shown: Vec::new() };
+        let condition = Condition {
+            address: step.address,
+            mask: step.mask,
+            values: step.values.clone(),
+            is_one: true,
+            within: step.within,
+        };
+        [Step::Write(vec![write]), Step::Await(Await { condition, at_least: step.at_least, reason: Reason::NotReady })]
+    };
+    let steps: Vec<Step> = starts.iter().flat_map(step).collect();
+    let runs = Condition::flag(model, Flag::Running, true).ok_or(NoSteps::NotCapable)?;
+    Ok([Step::Skip(Skip { condition: runs, count: steps.len() })].into_iter().chain(steps).collect())
+}
+
+/// The direction. If its register can be read, the run word is sent only after it was read to hold the direction: an order
+/// is never given by half.
+fn turn(model: &Model, direction: Direction) -> Result<Vec<Step>, NoSteps> {
+    let words = model.run.as_ref().and_then(|run| run.places.direction.as_ref());
+    let Some(words) = words.map(|fact| &fact.value) else { return Ok(Vec::new()) };
+    let value = match direction {
+        Direction::Forward => words.forward,
+        Direction::Reverse => words.reverse.ok_or(NoSteps::NotCapable)?,
+    };
+    let write = Write { address: words.address, value, part: StepPart::Direction(direction), shown: Vec::new() };
+    let is_readable = model.writable_at(words.address).is_some_and(|register| register.access.can_read());
+    let read = is_readable.then(|| {
+        let condition = Condition::holds(words.address, vec![value], SHOWN_WITHIN);
+        Step::Await(Await { condition, at_least: Duration::ZERO, reason: Reason::KeptOldValue })
+    });
+    Ok([Step::Write(vec![write])].into_iter().chain(read).collect())
+}

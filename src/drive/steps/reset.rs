@@ -1,0 +1,49 @@
+//! The steps of a reset, and those that clear the word of one that was interrupted.
+
+use super::{Condition, NoSteps, Step, StepPart, Write};
+use crate::profile::model::{Flag, Model, OrderKind, ResetWrite, Role};
+use std::time::Duration;
+
+/// The steps of a reset: the model's sequence, after which nothing turns.
+///
+/// # Errors
+/// [`NoSteps::NotCapable`]
+pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
+    let writes = model.reset_writes();
+    let last = writes.len().checked_sub(1).ok_or(NoSteps::NotCapable)?;
+    let is_seen = model.status_flag(Flag::Tripped).is_some();
+    let write = |(index, write): (usize, &ResetWrite)| {
+        let ends = index == last;
+        let part = StepPart::Reset { resets: write.resets, ends, is_seen };
+        let shown = if ends { reset_shown(model) } else { Vec::new() };
+        Step::Write(vec![Write { address: write.address, value: write.value, part, shown }])
+    };
+    let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
+    Ok(writes.iter().enumerate().map(write).chain(rest).collect())
+}
+
+/// The steps that clear the word of an interrupted reset: by a stop, or by the word that clears a register of its own. If
+/// the register can be read, only if it still holds the reset word.
+///
+/// # Errors
+/// [`NoSteps::NotCapable`] if a reset leaves no word in the register.
+pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
+    let clears = model.reset_clears().ok_or(NoSteps::NotCapable)?;
+    let (address, reset) = model.order(OrderKind::Reset).ok_or(NoSteps::NotCapable)?;
+    let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
+    let check = is_readable.then_some(Step::Check { address, least: reset.value, most: reset.value });
+    let write = Write { address, value: clears.value, part: StepPart::TakesBack, shown: Vec::new() };
+    Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
+}
+
+/// After a reset no trip holds and nothing turns, as far as the model shows it.
+fn reset_shown(model: &Model) -> Vec<Condition> {
+    let flags = [Flag::Tripped, Flag::Running].into_iter().filter_map(|flag| Condition::flag(model, flag, false));
+    let mut shown: Vec<_> = flags.collect();
+    if shown.is_empty() {
+        // One word of a pair may be 0 although the motor turns.
+        let output = model.register_for(Role::OutputFrequency).filter(|output| output.form.is_one_word());
+        shown.extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
+    }
+    shown
+}

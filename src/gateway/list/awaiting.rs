@@ -1,0 +1,60 @@
+//! A command that waits for the drive between two writes: a register is read until it shows what the next write needs.
+
+use super::read_back::LOOK_EVERY;
+use super::{List, Next, Stage};
+use crate::domain::command::{Outcome, Report};
+use crate::domain::time::MonoTime;
+use crate::drive::steps::{Await, Step, StepPart};
+use std::time::Duration;
+
+impl List {
+    /// The drive shows `word` at `now`, and the step at `index` waits for it. A drive that does not show in time what it
+    /// must is sent nothing more.
+    pub(super) fn awaited(&mut self, index: usize, word: Option<u16>, now: MonoTime) -> Next {
+        let (Some(Step::Await(wait)), Some(word)) = (self.approved.steps().get(index), word) else {
+            return self.unanswered();
+        };
+        let Await { condition, reason, .. } = wait;
+        if condition.is_met(word) {
+            return self.go_on_from(index, now);
+        }
+        let register = condition.address;
+        let until = *self.shown_until.get_or_insert(now + condition.within);
+        if now < until {
+            self.ready_at = now + LOOK_EVERY;
+            self.in_vain = 0;
+            return Next::Goes(None);
+        }
+        let failed = Report::new(Outcome::Failed, *reason);
+        Next::Ends(Report { held: Some(word), register: Some(register), ..failed })
+    }
+
+    /// How long its steps may wait for the drive, all together.
+    pub(super) fn waits(&self) -> Duration {
+        let waits = self.approved.steps().iter().filter_map(|step| match step {
+            Step::Await(wait) => Some(wait.at_least + wait.condition.within),
+            _ => None,
+        });
+        waits.sum()
+    }
+
+    /// Whether the next request writes a word of a start, or the run word.
+    #[must_use]
+    pub fn starts(&self) -> bool {
+        self.present_writes().iter().any(|write| matches!(write.part, StepPart::Start | StepPart::Run(_)))
+    }
+
+    /// Whether the run word was sent, and all that is left is to see its effect.
+    #[must_use]
+    pub const fn is_reading_back(&self) -> bool {
+        matches!(self.stage, Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done)
+    }
+
+    /// When the step at `index`, which follows a write at `now`, may be sent.
+    pub(super) fn not_before(&self, index: usize, now: MonoTime) -> MonoTime {
+        match self.approved.steps().get(index) {
+            Some(Step::Await(wait)) => now + wait.at_least,
+            _ => self.ready_at,
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The rules for a start in several words.
+
+use super::keys::{readable, with_role};
+use super::{run, run_word};
+use crate::domain::problem::Problem;
+use crate::profile::file::{FormWord, ModelFile, RunFile, StartStepFile};
+use crate::profile::model::{Flag, OrderKind, Role};
+use crate::toml_file::Spanned;
+
+/// Maximum number of words before the run word.
+const STEPS_MAX: usize = 8;
+
+pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let Some(run) = file.run.valid().map(|run| &run.value) else { return };
+    if let (Some(fact), true) = (&run.start.take_back, run.start.steps.is_empty())
+        && let Some(word) = &fact.value
+    {
+        let problem = word.location.problem("there is no start to take back");
+        problems.push(problem.right("`[[run.start]]`, or leave it out"));
+    }
+    let Some(first) = run.start.steps.first() else { return };
+    if run.start.steps.len() > STEPS_MAX {
+        let problem = first.location.problem(format!("a start of {} words", run.start.steps.len()));
+        problems.push(problem.right(format!("at most {STEPS_MAX}")));
+    }
+    let shows_running = file.status.iter().any(|it| it.flag.as_ref().is_none_or(|flag| flag.value == Flag::Running));
+    if !shows_running {
+        let problem = first.location.problem("nothing shows whether the drive has followed the start");
+        problems.push(problem.right("a `[[status]]` with the flag `running`"));
+    }
+    for kind in [OrderKind::Stop, OrderKind::Forward, OrderKind::Reverse] {
+        if let Some(name) = run.places.named(kind) {
+            let problem = name.location.problem("a start in several words goes to the register for run commands");
+            problems.push(problem.right("leave it out, or `[[run.start]]`"));
+        }
+    }
+    for step in &run.start.steps {
+        step_can_be_seen(step, file, problems);
+    }
+    for word in run.start.words() {
+        moves_nothing(word, run, problems);
+    }
+    if with_role(&[Role::OutputFrequency], &file.registers).is_none() && shows_running {
+        let problem = first.location.problem("nothing shows whether the motor turns");
+        problems.push(problem.right("a register with `role = \"output-frequency\"`"));
+    }
+}
+
+/// The register of the condition is readable, its words fit the mask, and the times leave room for it.
+fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    if let (Some(least), Some(within)) = (step.at_least.valid(), &step.within)
+        && least.value > within.value
+    {
+        let problem = least.location.problem("is longer than `within`");
+        problems.push(problem.right("a shorter time, or a longer `within`"));
+    }
+    let Some(until) = &step.until else { return };
+    if let Some(name) = &until.register {
+        readable(name, &file.registers, problems);
+    }
+    let (Some(mask), Some(values)) = (until.mask.or(u16::MAX), &until.values) else { return };
+    for Spanned { value, location } in values.value.iter().filter(|word| word.value & !mask != 0) {
+        let problem = location.problem(format!("0x{value:04X} has bits outside the mask 0x{mask:04X}"));
+        problems.push(problem.right(format!("0x{:04X}, or a wider mask", value & mask)));
+    }
+}
+
+/// The word neither runs nor resets, and is not forbidden.
+fn moves_nothing(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+    let is_order = |kind: OrderKind| matches!(kind, OrderKind::Forward | OrderKind::Reverse | OrderKind::Reset);
+    if let Some((_, order)) = run.own_words().find(|(kind, it)| is_order(*kind) && it.value == word.value) {
+        let what = format!("the word {} is the command {}", run::shown(word.value, run), order.location.key);
+        problems.push(word.location.problem(what).right("a word that does not move the motor"));
+    }
+    if run.never().any(|(register, never)| register.is_none() && never.value == word.value) {
+        let what = format!("the word {} is one of `never`", run::shown(word.value, run));
+        problems.push(word.location.problem(what).right("another word"));
+    }
+    if run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits) {
+        run_word::bits_order_nothing(word, run, problems);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::profile::check;
+    use crate::profile::testing::told_with;
+
+    const START: &str = include_str!("../../../tests/golden/models/start.toml");
+    const FIRST: &str = "values = [0x0021] }\nwithin = \"2s\"";
+
+    fn each_is_told(changes: &[(&str, &str, &str)]) {
+        check::model(START).unwrap();
+        for (from, to, expected) in changes {
+            let found = told_with(START, from, to).replace("\n    right: ", " -> ");
+            assert!(found.contains(expected), "{from} -> {to}: {found}");
+        }
+    }
+
+    #[test]
+    fn each_step_of_a_start_can_be_seen_in_time() {
+        each_is_told(&[
+            (
+                FIRST,
+                &FIRST.replace("0x0021", "0x0121"),
+                "run.start[0].until.values[0]: 0x0121 has bits outside the mask 0x006F -> 0x0021, or a wider mask",
+            ),
+            (FIRST, &FIRST.replace("[0x0021]", "[]"), "run.start[0].until.values: is empty"),
+            (FIRST, &FIRST.replace("2s", "20s"), "run.start[0].within: "),
+            (FIRST, "values = [0x0021] }", "run.start[0].within: `within` is missing"),
+            (
+                "at_least = \"100ms\"",
+                "at_least = \"3s\"",
+                "run.start[1].at_least: is longer than `within` -> a shorter time, or a longer `within`",
+            ),
+            (
+                "until = { register = \"status\"",
+                "until = { register = \"statis\"",
+                "run.start[0].until.register: there is no register called `statis` -> `status`",
+            ),
+            (
+                "flag = \"running\"",
+                "flag = \"ready\"",
+                "run.start[0]: nothing shows whether the drive has followed the start -> a `[[status]]` with the flag",
+            ),
+            (
+                "role = \"output-frequency\"\n",
+                "",
+                "run.start[0]: nothing shows whether the motor turns -> a register with `role = \"output-frequency\"`",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn no_step_of_a_start_moves_the_motor() {
+        each_is_told(&[
+            (
+                "write = 0x0006",
+                "write = 0x000F",
+                "run.start[0].write: the word 15 is the command run.forward.value -> a word that does not move the motor",
+            ),
+            (
+                "take_back = { value = 0x0006",
+                "take_back = { value = 0x0080",
+                "run.take_back.value: the word 128 is the command run.reset.value -> a word that does not move the motor",
+            ),
+            (
+                "take_back = {",
+                "never = [{ value = 0x0006, confidence = \"manual\", source = \"IM 5\" }]\ntake_back = {",
+                "run.start[0].write: the word 6 is one of `never` -> another word",
+            ),
+            (
+                "form = \"values\"",
+                "form = \"bits\"\nbit = [{ bit = 1, meaning = \"run\", confidence = \"manual\", source = \"IM 5\" }]",
+                "run.start[0].write: 0x0006 has the bit `run` -> a word without it",
+            ),
+        ]);
+        let start = START.find("[[run.start]]").unwrap();
+        let end = START.find("[[status]]").unwrap();
+        let found = told_with(START, &START[start..end], "");
+        assert!(found.contains("run.take_back.value: there is no start to take back"), "{found}");
+    }
+
+    #[test]
+    fn a_start_goes_to_the_register_for_run_commands() {
+        let found = told_with(START, "stop = { value", "stop = { register = \"frequency_command\", value");
+        assert!(found.contains("run.stop.register: a start in several words goes to the register for run"), "{found}");
+    }
+}

@@ -1,0 +1,166 @@
+//! `[run]`: the registers of orders that are not written to the one for run commands, and the direction.
+
+use super::facts::{FactFile, Facts, whole};
+use crate::domain::address::Address;
+use crate::profile::model::{
+    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, Role, RunCommand,
+};
+use crate::profile::register::{RegisterFile, address_of};
+use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
+
+/// What `[run]` says about the places of its orders.
+#[derive(Default)]
+pub(in crate::profile) struct PlacesFile {
+    /// The orders that name a register.
+    pub registers: Vec<(OrderKind, Spanned<String>)>,
+    /// A register or `clear` was unusable.
+    is_damaged: bool,
+    pub clear: Option<Spanned<u16>>,
+    pub direction: Option<FactFile<DirectionFile>>,
+    /// The forbidden words, each with its register, if it names one.
+    pub never: Vec<(FactFile<u16>, OptionalKey<String>)>,
+}
+
+/// `direction`
+pub(in crate::profile) struct DirectionFile {
+    pub register: RequiredKey<String>,
+    pub forward: RequiredKey<u16>,
+    pub reverse: OptionalKey<u16>,
+}
+
+impl PlacesFile {
+    /// The order `kind`, which may name its register.
+    pub(super) fn order(&mut self, facts: &Facts<'_>, reader: &mut Reader<'_, '_>, kind: OrderKind) -> FactFile<u16> {
+        facts.needed(reader, kind.word(), |reader| self.parts(reader, kind))
+    }
+
+    /// The same; `None` if the model does not have it.
+    pub(super) fn optional_order(
+        &mut self,
+        facts: &Facts<'_>,
+        reader: &mut Reader<'_, '_>,
+        kind: OrderKind,
+    ) -> Option<FactFile<u16>> {
+        facts.optional(reader, kind.word(), |reader| self.parts(reader, kind))
+    }
+
+    fn parts(&mut self, reader: &mut Reader<'_, '_>, kind: OrderKind) -> RequiredKey<u16> {
+        let word = Kind::number(0..=u16::MAX);
+        let value = reader.required("value", &word);
+        match reader.optional("register", &Kind::text()) {
+            OptionalKey::Absent => {}
+            OptionalKey::Invalid => self.is_damaged = true,
+            OptionalKey::Valid(name) => self.registers.push((kind, name)),
+        }
+        if kind == OrderKind::Reset {
+            match reader.optional("clear", &word) {
+                OptionalKey::Absent => {}
+                OptionalKey::Invalid => self.is_damaged = true,
+                OptionalKey::Valid(clear) => self.clear = Some(clear),
+            }
+        }
+        value
+    }
+
+    /// `direction` and `never`.
+    pub(super) fn read_rest(&mut self, facts: &Facts<'_>, reader: &mut Reader<'_, '_>) {
+        let word = Kind::number(0..=u16::MAX);
+        self.direction = facts.optional(reader, "direction", |reader| {
+            whole(reader, |reader| DirectionFile {
+                register: reader.required("register", &Kind::text()),
+                forward: reader.required("forward", &word),
+                reverse: reader.optional("reverse", &word),
+            })
+        });
+        for section in reader.tables("never") {
+            let mut register = OptionalKey::Absent;
+            let never = facts.fact(reader.open(section), |reader| {
+                register = reader.optional("register", &Kind::text());
+                reader.required("value", &word)
+            });
+            self.never.push((never, register));
+        }
+    }
+
+    /// The register that the order `kind` names.
+    pub fn named(&self, kind: OrderKind) -> Option<&Spanned<String>> {
+        self.registers.iter().find(|(of, _)| *of == kind).map(|(_, name)| name)
+    }
+
+    /// Every register that is named, for whatever it is written.
+    pub fn names(&self) -> impl Iterator<Item = &Spanned<String>> {
+        let direction = self.direction.iter().filter_map(|fact| fact.value.as_ref()?.value.register.as_ref());
+        let never = self.never.iter().filter_map(|(_, name)| name.valid());
+        self.registers.iter().map(|(_, name)| name).chain(direction).chain(never)
+    }
+
+    /// The reverse order of a model that writes the direction first: the word for forward, as sure as both.
+    pub(super) fn reverse(&self, forward: &Fact<u16>) -> Option<Fact<u16>> {
+        let direction = self.direction.as_ref()?;
+        direction.value.as_ref()?.value.reverse.valid()?;
+        let (confidence, source) = direction.origin.clone()?;
+        Some(Fact { value: forward.value, confidence: confidence.max(forward.confidence), source })
+    }
+
+    /// The forbidden words of the register for run commands; `None` if one is unusable.
+    pub(super) fn own_never(&self) -> Option<Vec<Fact<u16>>> {
+        let is_own = |(_, name): &&(_, OptionalKey<String>)| matches!(name, OptionalKey::Absent);
+        self.never.iter().filter(is_own).map(|(fact, _)| fact.ready()).collect()
+    }
+
+    /// `None` if any part is unusable.
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<OrderPlaces> {
+        if self.is_damaged {
+            return None;
+        }
+        let own = self.registers.iter().map(|(kind, name)| Some((*kind, address_of(&name.value, registers)?)));
+        let never = self.never.iter().filter(|(_, name)| name.valid().is_some());
+        let never = never.map(|(fact, name)| Some((address_of(&name.valid()?.value, registers)?, fact.ready()?)));
+        Some(OrderPlaces {
+            registers: own.collect::<Option<_>>()?,
+            clear: self.clear.as_ref().map(|clear| clear.value),
+            direction: match &self.direction {
+                None => None,
+                Some(direction) => Some(direction.and_then(|it| it.ready(registers))?),
+            },
+            never: never.collect::<Option<_>>()?,
+        })
+    }
+}
+
+impl DirectionFile {
+    fn ready(&self, registers: &[RegisterFile]) -> Option<DirectionWords> {
+        Some(DirectionWords {
+            address: address_of(&self.register.as_ref()?.value, registers)?,
+            forward: self.forward.as_ref()?.value,
+            reverse: self.reverse.clone().optional()?,
+        })
+    }
+}
+
+/// Guards the registers that orders name, and makes no order surer than the register that it is written to.
+pub(super) fn bind(run: &mut RunCommand, registers: &mut [Register]) {
+    let places = run.places.clone();
+    let mut written = |address: Address| {
+        let register = registers.iter_mut().find(|it| it.address == address && it.access.can_write())?;
+        register.role = register.role.or(Some(Role::Order));
+        let is_inferred = register.not_stated.contains(&FactPart::Writing);
+        Some(if is_inferred { register.confidence.max(Confidence::Inferred) } else { register.confidence })
+    };
+    for (kind, address) in &places.registers {
+        let sureness = written(*address);
+        if let (Some(sureness), Some(fact)) = (sureness, run.word_mut(*kind)) {
+            fact.confidence = fact.confidence.max(sureness);
+        }
+    }
+    if let Some(direction) = &mut run.places.direction {
+        let sureness = written(direction.value.address).unwrap_or(direction.confidence);
+        direction.confidence = direction.confidence.max(sureness);
+        let least = direction.confidence;
+        run.reverse.iter_mut().for_each(|fact| fact.confidence = fact.confidence.max(least));
+    }
+    for (address, _) in &places.never {
+        written(*address);
+    }
+}

@@ -1,0 +1,96 @@
+//! `[[run.start]]` and `take_back` of `[run]`: a start in several words.
+
+use super::facts::{FactFile, Facts, Origin, fact, filled_with, optional};
+use crate::profile::model::{Start, StartStep};
+use crate::profile::register::{RegisterFile, address_of};
+use crate::toml_file::values::Kind;
+use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
+use std::time::Duration;
+
+/// The longest wait for the effect of one word.
+const WITHIN_MAX: Duration = Duration::from_secs(10);
+
+/// A start in several words, as written.
+#[derive(Default)]
+pub(in crate::profile) struct StartFile {
+    pub steps: Vec<StartStepFile>,
+    pub take_back: Option<FactFile<u16>>,
+}
+
+/// One of `[[run.start]]`
+pub(in crate::profile) struct StartStepFile {
+    pub location: Location,
+    pub write: RequiredKey<u16>,
+    pub until: Option<UntilFile>,
+    pub at_least: OptionalKey<Duration>,
+    pub within: RequiredKey<Duration>,
+    origin: Option<Origin>,
+}
+
+/// `until`
+pub(in crate::profile) struct UntilFile {
+    pub register: RequiredKey<String>,
+    pub mask: OptionalKey<u16>,
+    pub values: RequiredKey<Vec<Spanned<u16>>>,
+}
+
+impl StartFile {
+    pub(super) fn read(facts: &Facts<'_>, reader: &mut Reader<'_, '_>) -> Self {
+        let steps = reader.tables("start").into_iter();
+        Self {
+            steps: steps.map(|section| StartStepFile::read(facts, reader.open(section))).collect(),
+            take_back: facts.optional_value(reader, "take_back", &Kind::number(0..=u16::MAX)),
+        }
+    }
+
+    /// The words that are written beside the orders.
+    pub fn words(&self) -> impl Iterator<Item = &Spanned<u16>> {
+        let steps = self.steps.iter().filter_map(|step| step.write.as_ref());
+        steps.chain(self.take_back.iter().filter_map(|fact| fact.value.as_ref()))
+    }
+
+    /// `None` if any part is unusable.
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Start> {
+        let steps = self.steps.iter().map(|step| step.ready(registers));
+        Some(Start { steps: steps.collect::<Option<_>>()?, take_back: optional(self.take_back.as_ref())? })
+    }
+}
+
+impl StartStepFile {
+    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+        let word = Kind::number(0..=u16::MAX);
+        let step = Self {
+            location: reader.location().clone(),
+            write: reader.required("write", &word),
+            until: reader.required_table("until").map(|section| {
+                let mut reader = reader.open(section);
+                let until = UntilFile {
+                    register: reader.required("register", &Kind::text()),
+                    mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+                    values: reader
+                        .required_list("values", &word)
+                        .and_then(|values| filled_with(values, &word, reader.problems())),
+                };
+                reader.finish();
+                until
+            }),
+            at_least: reader.optional("at_least", &Kind::duration(Duration::ZERO..=WITHIN_MAX)),
+            within: reader.required("within", &Kind::duration(Duration::from_millis(1)..=WITHIN_MAX)),
+            origin: facts.origin(&mut reader),
+        };
+        reader.finish();
+        step
+    }
+
+    fn ready(&self, registers: &[RegisterFile]) -> Option<StartStep> {
+        let until = self.until.as_ref()?;
+        Some(StartStep {
+            write: fact(self.write.as_ref()?.value, self.origin.as_ref())?,
+            address: address_of(&until.register.as_ref()?.value, registers)?,
+            mask: until.mask.or(u16::MAX)?,
+            values: until.values.as_ref()?.value.iter().map(|word| word.value).collect(),
+            at_least: self.at_least.or(Duration::ZERO)?,
+            within: self.within.as_ref()?.value,
+        })
+    }
+}

@@ -1,0 +1,85 @@
+//! A start in several words: the run word turns the motor only after the others, in their order.
+
+use super::SimDrive;
+use super::memory::MemoryAddress;
+use crate::domain::address::Address;
+use crate::domain::time::MonoTime;
+use crate::profile::model::OrderKind;
+
+/// How far a start has come.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Readiness {
+    /// Number of words that the drive has followed.
+    followed: usize,
+    /// The drive follows none of them, as with an open enable terminal.
+    is_held_back: bool,
+}
+
+impl SimDrive {
+    /// Holds the drive back: it takes the words of a start but follows none. A drive that is let go obeys the run word that
+    /// stands in its register.
+    pub fn hold_back(&mut self, at: MonoTime, is_held_back: bool) {
+        self.advance(at);
+        self.start.is_held_back = is_held_back;
+        if is_held_back {
+            self.start.followed = 0;
+            return;
+        }
+        let stands = |kind| {
+            let (address, fact) = self.model.order(kind)?;
+            let held = self.word(address)?;
+            (self.powered && !self.tripped && held == fact.value).then_some(())
+        };
+        if stands(OrderKind::Forward).is_some() {
+            self.start.followed = self.model.start_steps().len();
+            self.run(at, 1, false);
+        } else if stands(OrderKind::Reverse).is_some() {
+            self.start.followed = self.model.start_steps().len();
+            self.run(at, -1, false);
+        }
+    }
+
+    /// Takes `word` if it belongs to a start, or is a run word that the drive is not ready for; false if it is an order.
+    pub(super) fn take_start(&mut self, at: MonoTime, place: MemoryAddress, word: u16, runs: bool) -> bool {
+        let steps = self.model.start_steps();
+        let count = steps.len();
+        let step = steps.iter().position(|step| step.write.value == word);
+        let is_stop = self.model.run.as_ref().is_some_and(|run| run.stop.value == word);
+        let is_taken_back = self.model.start_take_back() == Some(word);
+        if count == 0 {
+            return false;
+        }
+        match step {
+            Some(step) if self.start.followed >= step && !self.start.is_held_back && !self.tripped => {
+                self.start.followed = step + 1;
+            }
+            Some(_) => {}
+            None if is_taken_back && !is_stop => self.start.followed = 0,
+            None if runs && self.start.followed < count => {
+                self.take(place, word);
+                return true;
+            }
+            None => return false,
+        }
+        self.take(place, word);
+        if self.is_run_from_bus() && self.control.direction != 0 {
+            self.run(at, 0, false);
+        }
+        true
+    }
+
+    /// The drive starts from the beginning again.
+    pub(super) const fn must_start_again(&mut self) {
+        self.start.followed = 0;
+    }
+
+    /// `word` of the register at `address` with what the drive shows of a start.
+    pub(super) fn with_readiness(&self, at: MonoTime, address: Address, word: u16) -> u16 {
+        let last = self.start.followed.checked_sub(1).and_then(|last| self.model.start_steps().get(last));
+        let runs = self.control.direction != 0 || self.motor.output(at) != 0;
+        match last.filter(|step| step.address == address && !self.tripped && !runs) {
+            Some(step) => (word & !step.mask) | step.values.first().copied().unwrap_or_default(),
+            None => word,
+        }
+    }
+}
