@@ -35,6 +35,8 @@ mod corpus;
 mod fuzz_targets;
 #[path = "properties/line_core.rs"]
 mod line_core;
+#[path = "properties/orders.rs"]
+mod orders_property;
 #[path = "properties/run_words.rs"]
 mod run_words;
 

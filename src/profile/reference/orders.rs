@@ -63,7 +63,11 @@ pub(super) const ORDERS: &[Section] = &[
             ),
             ("never", "none", "Words that are never written, whatever a client asks for."),
             ("never.value", "", "The word."),
-            ("never.register", RUN_REGISTER, "The name of another register that takes orders, if it is forbidden there."),
+            (
+                "never.register",
+                RUN_REGISTER,
+                "The name of another register that takes orders, if it is forbidden there.",
+            ),
             (
                 "priority",
                 "none",
