@@ -176,7 +176,9 @@ fn orders_one_thing(order: OrderKind, word: &Spanned<u16>, run: &RunFile, proble
         let meaning = word_for(&BIT_MEANINGS, &needed);
         let what = format!("0x{:04X} does not mean `{meaning}`", word.value);
         let right = match senses.0.iter().find(|sense| sense.meaning == needed) {
-            Some(sense) => format!("0x{:04X}", word.value & !sense.mask | sense.word),
+            Some(sense) => {
+                format!("0x{:04X}, if the documents show that word", word.value & !sense.mask | sense.word)
+            }
             None => format!("a `[[run.bit]]` with the meaning `{meaning}`"),
         };
         problems.push(word.location.problem(what).right(right));
@@ -227,7 +229,9 @@ pub(super) fn zero_is_known(run: &RunFile, location: &Location, problems: &mut V
         if let Some(why) = reason_for_zero(run).filter(|_| has_bits) {
             let what = format!("`zero` is left out, and {why}");
             let word = by_bits.flatten().map_or_else(|| "...".to_owned(), quoted);
-            let right = format!("`zero = {{ value = {word}, ... }}`: what the drive does with the word 0");
+            let right = format!(
+                "`zero = {{ value = {word}, ... }}`: what the documents say that the drive does with the word 0"
+            );
             problems.push(location.missing("zero").problem(what).right(right));
         }
         return;
@@ -348,7 +352,10 @@ mod tests {
         // Where there is a bit for a stop, it alone stops the motor.
         let text = changed(ZERO_NOTHING, &[("stop = { value = 0x0001", "stop = { value = 0x0010")]);
         let text = text.replace("[0x0001, 0x0009, 0x0001]", "[0x0010, 0x0009, 0x0010]");
-        assert_eq!(told_of(&text), "run.stop.value: 0x0010 does not mean `stop` -> 0x0011");
+        assert_eq!(
+            told_of(&text),
+            "run.stop.value: 0x0010 does not mean `stop` -> 0x0011, if the documents show that word"
+        );
     }
 
     #[test]
@@ -409,11 +416,14 @@ mod tests {
             &[(
                 "coast = { value = 0x0004",
                 "coast = { value = 0x0002",
-                "run.coast.value: 0x0002 does not mean `coast` -> 0x0000",
+                "run.coast.value: 0x0002 does not mean `coast` -> 0x0000, if the documents show that word",
             )],
         );
         let text = ZERO_COAST.replace("0x0086", "0x0002");
-        assert_eq!(told_of(&text), "run.reset.value: 0x0002 does not mean `reset` -> 0x0082");
+        assert_eq!(
+            told_of(&text),
+            "run.reset.value: 0x0002 does not mean `reset` -> 0x0082, if the documents show that word"
+        );
         each_is_told(&[(
             "meaning = \"coast\"",
             "meaning = \"other\"",
@@ -432,7 +442,7 @@ mod tests {
         ];
         for (model, is, why) in models {
             let left_out = format!(
-                "run.zero: `zero` is left out, and {why} -> `zero = {{ value = \"{is}\", ... }}`: what the drive does with the word 0"
+                "run.zero: `zero` is left out, and {why} -> `zero = {{ value = \"{is}\", ... }}`: what the documents say that the drive does with the word 0"
             );
             each_is_told_of(model, &[(&zero(is), "", &left_out)]);
             for other in ["stop", "coast", "nothing", "ignored", "release"].into_iter().filter(|other| *other != is) {
