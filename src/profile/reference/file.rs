@@ -159,7 +159,11 @@ pub(super) const LINE: &[Section] = &[
     Section {
         table: "exception",
         says: "The vendor's texts for exception codes. Rows are told apart by `code`.",
-        keys: &[("code", "", "The code."), ("text", "", "Its meaning.")],
+        keys: &[
+            ("code", "", "The code."),
+            ("text", "", "Its meaning."),
+            ("kind", "none of these", "What the drive means by it. A write is never tried again for it."),
+        ],
     },
     Section {
         table: "barrier",

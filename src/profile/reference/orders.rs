@@ -51,7 +51,7 @@ pub(super) const ORDERS: &[Section] = &[
             ("start", "the run word alone", "The words before the run word, see `[[run.start]]`."),
             (
                 "reset_sequence",
-                "required with `reset`",
+                "required with a `reset` that has no register of its own",
                 "The words of a reset in the order in which they are written: `stop` first, then only `reset` and `stop`; with \
                  bits `stop` is also the last, because it clears the reset bit. At most 8.",
             ),

@@ -71,6 +71,15 @@ pub(super) const WORDS: &[Words] = &[
         ],
     },
     Words {
+        of: &["exception.kind"],
+        words: &[
+            ("busy", "It cannot do it at the moment. A read is tried again, a stop until it is taken."),
+            ("locked", "It is locked against it. Results name it."),
+            ("in-trip", "It does not do it while a trip is active. Results name it."),
+            ("damaged-frame", "The request reached it damaged. It counts as a damaged reply."),
+        ],
+    },
+    Words {
         of: &["run.form"],
         words: &[
             ("values", "Each word is one command."),
