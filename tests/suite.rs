@@ -63,6 +63,8 @@ mod commands;
 mod conversation;
 #[path = "scenarios/deaf_times.rs"]
 mod deaf_times;
+#[path = "scenarios/echoes_in_doubt.rs"]
+mod echoes_in_doubt;
 #[path = "scenarios/every_request_ends.rs"]
 mod every_request_ends;
 #[path = "scenarios/exception_kinds.rs"]

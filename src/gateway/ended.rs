@@ -14,7 +14,7 @@ use crate::line::exchange::{Ending, Exchange};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
 use crate::line::station::{Missing, Stray, answers};
-use crate::profile::model::ExceptionKind;
+use crate::profile::model::{ExceptionKind, RefusedWrite};
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
@@ -100,8 +100,16 @@ impl LineCore {
             _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
             ending => ending,
         };
-        let Ending::Exception(code) = ending else { return (ending, None) };
-        let kind = self.drives[flight.drive].setup.model.exception_kind(code);
+        let model = &self.drives[flight.drive].setup.model;
+        let code = match ending {
+            Ending::Exception(code) => code,
+            // Whatever its value is, it says only that the write was received.
+            Ending::Reply(Reply::Holds { .. }) if model.write.refused.value == RefusedWrite::EchoMayBeOld => {
+                return (Ending::Reply(Reply::Echo), None);
+            }
+            ending => return (ending, None),
+        };
+        let kind = model.exception_kind(code);
         if kind == Some(ExceptionKind::DamagedFrame) { (Ending::Garbled, kind) } else { (ending, kind) }
     }
 

@@ -328,7 +328,7 @@ impl StationState {
 
     /// Whether the reply to `missing` would be accepted as the reply to `request`.
     fn is_mistakable(&self, missing: &Request, request: &Request) -> bool {
-        let keeps_old_value = self.refused == RefusedWrite::KeepsOldValue;
+        let keeps_old_value = self.refused != RefusedWrite::Exception;
         match (missing, request) {
             // An exception carries only its function.
             (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => missing.function() == request.function(),

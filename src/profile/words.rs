@@ -84,8 +84,11 @@ pub(super) const HOLES: [(&str, Holes); 3] =
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
 
 /// Appearances of a refused write.
-pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 2] =
-    [("exception", RefusedWrite::Exception), ("keeps-old-value", RefusedWrite::KeepsOldValue)];
+pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 3] = [
+    ("exception", RefusedWrite::Exception),
+    ("keeps-old-value", RefusedWrite::KeepsOldValue),
+    ("echo-may-be-old", RefusedWrite::EchoMayBeOld),
+];
 
 /// The orders that a setting is needed for.
 pub(super) const NEEDED_FOR: [(&str, NeededFor); 3] =

@@ -3,7 +3,7 @@
 use crate::domain::link::Framing;
 use crate::domain::problem::Problem;
 use crate::profile::file::{BarrierFile, BarrierForm, BlockFile, ModelFile, ReadFile};
-use crate::profile::model::Access;
+use crate::profile::model::{Access, RefusedWrite};
 use crate::profile::register::{RegisterFile, has_decimal_digits};
 use crate::toml_file::{OptionalKey, Spanned};
 use crate::wire::exception::ILLEGAL_FUNCTION;
@@ -13,6 +13,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     functions_suffice(file, problems);
     ascii_is_there(file, problems);
     block_is_writable(file, problems);
+    replies_carry_values(file, problems);
     exceptions_are_of_one_kind(file, problems);
     areas_are_apart(file, problems);
     frames_are_short(file, problems);
@@ -70,6 +71,16 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let Some(address) = first_without(block, Access::can_write, file) {
         let problem = location.problem(format!("there is no writable register at 0x{address:04X}"));
         problems.push(problem.right("a range of writable registers only"));
+    }
+}
+
+/// What the value in a reply says needs replies with a value: those to function 10 hex have none.
+fn replies_carry_values(file: &ModelFile, problems: &mut Vec<Problem>) {
+    let refused = file.write.as_ref().and_then(|write| write.refused.value.as_ref());
+    let Some(refused) = refused.filter(|it| it.value != RefusedWrite::Exception) else { return };
+    if serves(0x06, file) == Some(false) {
+        let problem = refused.location.problem("the reply to a write by function 10 hex carries no value");
+        problems.push(problem.right("\"exception\", or add 0x06 to `functions`"));
     }
 }
 
@@ -261,6 +272,13 @@ mod tests {
             told_with(&EVERYTHING.replacen("[write]\n", narrow, 1), block, &block.replace("count = 2", "count = 3"));
         let told = "write.block.count: a write of 3 words is longer than `read.max_bytes`\n    right: at most 1\n";
         assert!(found.contains(told), "{found}");
+    }
+
+    #[test]
+    fn a_reply_without_a_value_says_nothing_about_it() {
+        let told = "write.refused.value: the reply to a write by function 10 hex carries no value -> \
+                    \"exception\", or add 0x06 to `functions`";
+        each_mistake_is_told(&[("value = [3, 6]", "value = [3, 0x10]", told)]);
     }
 
     #[test]

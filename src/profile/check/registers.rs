@@ -133,7 +133,7 @@ mod tests {
             (
                 "deaf_after = \"1s\"",
                 "deaf_after = \"11s\"",
-                "register[6].deaf_after: 11s is out of range -> a time from \"1ms\" to \"10s\"",
+                "register[7].deaf_after: 11s is out of range -> a time from \"1ms\" to \"10s\"",
             ),
         ]);
     }

@@ -107,7 +107,7 @@ impl AreaFile {
 
 /// `[write]`
 pub(in crate::profile) struct WriteFile {
-    refused: FactFile<RefusedWrite>,
+    pub refused: FactFile<RefusedWrite>,
     pub block: Option<FactFile<BlockFile>>,
 }
 

@@ -162,6 +162,8 @@ pub enum RefusedWrite {
     Exception,
     /// A normal reply that carries the value the drive kept.
     KeepsOldValue,
+    /// An exception reply; a normal one may carry the old value although the new one was taken.
+    EchoMayBeOld,
 }
 
 /// Registers that may be written together.

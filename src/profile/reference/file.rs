@@ -162,7 +162,7 @@ pub(super) const LINE: &[Section] = &[
         keys: &[
             ("code", "", "The code."),
             ("text", "", "Its meaning."),
-            ("kind", "none of these", "What the drive means by it. A write is never tried again for it."),
+            ("kind", "a refusal", "What the drive means by it. A write is never tried again for it."),
         ],
     },
     Section {

@@ -68,6 +68,11 @@ pub(super) const WORDS: &[Words] = &[
                 "keeps-old-value",
                 "A normal reply with the value that the drive kept. Not with `functions` that lack `0x06`.",
             ),
+            (
+                "echo-may-be-old",
+                "An exception. The value in a normal reply may be the old one although the new one was taken; only reading back \
+                 proves it.",
+            ),
         ],
     },
     Words {
@@ -121,6 +126,15 @@ pub(super) const WORDS: &[Words] = &[
             ("nothing", "The drive takes the word and goes on as it was ordered before."),
             ("ignored", "The drive does not take the word."),
             ("release", "Panel and terminals take over."),
+        ],
+    },
+    Words {
+        of: &["exception.kind"],
+        words: &[
+            ("busy", "Not now: a read is tried again after 0.2 s, a write never, a stop until it is taken."),
+            ("locked", "It is locked against this."),
+            ("in-trip", "It does not do this while a trip holds."),
+            ("damaged-frame", "The request reached it damaged: as a damaged reply, after which none comes late."),
         ],
     },
     Words {

@@ -155,15 +155,16 @@ impl SimDrive {
     fn write(&mut self, at: MonoTime, address: Address, value: u16) -> Result<u16, Denied> {
         let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
         // A drive that answers with the kept word refuses nothing if both are equal.
-        let is_new = self.model.write.refused.value == RefusedWrite::Exception || self.held(at, place.index) != value;
+        let refused = self.model.write.refused.value;
+        let before = self.held(at, place.index);
+        let is_new = refused != RefusedWrite::KeepsOldValue || before != value;
         let is_refused = is_new && self.refuses_stop(function::WRITE_SINGLE, address, value);
         let done = if is_refused { Err(Objection::Address) } else { self.store(at, place, value) };
         match done {
+            Ok(()) if refused == RefusedWrite::EchoMayBeOld => Ok(before),
             Ok(()) => Ok(value),
-            Err(objection) if self.model.write.refused.value == RefusedWrite::Exception => {
-                Err(Denied::Refused(objection))
-            }
-            Err(_) => Ok(self.held(at, place.index)),
+            Err(_) if refused == RefusedWrite::KeepsOldValue => Ok(self.held(at, place.index)),
+            Err(objection) => Err(Denied::Refused(objection)),
         }
     }
 
