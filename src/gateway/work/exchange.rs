@@ -57,7 +57,7 @@ impl DriveWork {
                     return false;
                 }
                 list.was_sent();
-                self.reset_stands |= list.leaves_a_reset_standing();
+                self.reset.stands |= list.leaves_a_reset_standing();
                 self.start_was_sent();
             }
             Rank::Look | Rank::Trip => {}

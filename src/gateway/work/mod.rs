@@ -3,12 +3,13 @@
 mod again;
 mod command;
 mod exchange;
-mod kept;
 mod leaving;
 mod pass;
 mod remembered;
 mod reset;
+mod rows;
 mod seen;
+mod standing;
 mod start;
 mod watchdog;
 
@@ -32,8 +33,9 @@ use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model, Role};
 use crate::wire::pdu::Request;
 use again::Answered;
-use kept::{KeptDesk, Opening};
+use rows::{DurableTrips, Opening};
 pub use seen::Reading;
+use standing::Standing;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -82,7 +84,7 @@ pub struct DriveWork {
     flight: Option<Rank>,
     trips: TripWatch,
     /// Its trips as far as they are kept.
-    kept: KeptDesk,
+    kept: DurableTrips,
     /// A run order that opened the lease and waits for its row.
     opening: Option<Opening>,
     /// The last recorded owner of the lease, and whether it is awaited since before a restart.
@@ -108,16 +110,12 @@ pub struct DriveWork {
     /// The last order given here was a stop, and since then the motor has neither been seen at standstill nor turning in
     /// a way that the ramp of that stop does not explain.
     is_stopping: bool,
-    /// The reset word may remain in the drive's run command.
-    reset_stands: bool,
+    /// The reset word.
+    reset: Standing,
     /// The last recorded state of that.
     said_reset: bool,
-    /// The earliest moment to clear it.
-    take_back_at: MonoTime,
-    /// A start may stand in the drive that it has not followed.
-    start_stands: bool,
-    /// The earliest moment to take it back.
-    start_back_at: MonoTime,
+    /// A start that the drive has not followed.
+    start: Standing,
     /// The drive has refused a stop, and none has taken effect since.
     is_stop_refused: bool,
     /// When it last refused every form of a stop.
@@ -156,7 +154,7 @@ impl DriveWork {
             waiting: VecDeque::new(),
             flight: None,
             trips: TripWatch::new(model),
-            kept: KeptDesk::default(),
+            kept: DurableTrips::default(),
             opening: None,
             said_owner: None,
             output: OutputWatch::default(),
@@ -171,11 +169,9 @@ impl DriveWork {
             rest_until: None,
             deaf_until: MonoTime::ZERO,
             is_stopping: false,
-            reset_stands: false,
+            reset: Standing::NONE,
             said_reset: false,
-            take_back_at: MonoTime::ZERO,
-            start_stands: false,
-            start_back_at: MonoTime::ZERO,
+            start: Standing::NONE,
             is_stop_refused: false,
             stop_refused_at: None,
             told_refused: false,

@@ -10,16 +10,12 @@ use crate::gateway::note::Note;
 use crate::gateway::waiter::Waiter;
 use crate::journal::{Entry, RowNumber};
 use crate::profile::model::OrderKind;
-use std::time::Duration;
-
-/// Time between two attempts to clear the word.
-const AGAIN_AFTER: Duration = Duration::from_secs(5);
 
 impl DriveWork {
     /// Records whether the reset word may remain from now on, if that has changed. Returns its row.
     pub fn keep_reset(&mut self, out: Out<'_>) -> Option<RowNumber> {
         let resets = |list: &List| *list.order() == Order::Reset;
-        let may_stand = self.reset_stands || self.current.iter().chain(&self.waiting).any(resets);
+        let may_stand = self.reset.stands || self.current.iter().chain(&self.waiting).any(resets);
         if may_stand == self.said_reset {
             return None;
         }
@@ -30,7 +26,7 @@ impl DriveWork {
     /// A previous run of the gateway may have left the reset word.
     pub(super) fn remember_reset(&mut self, may_stand: bool) {
         self.said_reset = may_stand;
-        self.reset_stands = may_stand && self.guard.leaves_a_reset_standing();
+        self.reset.stands = may_stand && self.guard.leaves_a_reset_standing();
     }
 
     /// Clears the reset word if it may remain and nothing else is in progress. A turning motor is left alone: the reset
@@ -41,10 +37,10 @@ impl DriveWork {
         let is_busy = self.latch.is_some() || self.current.is_some() || !(is_apart || self.waiting.is_empty());
         let is_at_rest = self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
         let may_go = if is_apart { !is_offline } else { is_at_rest };
-        if !self.reset_stands || is_busy || !may_go || now < self.take_back_at {
+        if is_busy || !may_go || !self.reset.is_due(now) {
             return;
         }
-        self.take_back_at = now + AGAIN_AFTER;
+        self.reset.attempt(now);
         let Some(approved) = self.guard.take_reset_back() else { return };
         out.push_back(Effect::Note(self.drive, Note::ResetTakenBack));
         self.waiting.push_front(List::new(approved, Waiter::of_nobody(self.drive)));
@@ -52,11 +48,11 @@ impl DriveWork {
 
     /// The word of the order `kind` was written: it replaces the reset word where both are in one register.
     pub(super) fn replaces_reset(&mut self, kind: OrderKind) {
-        self.reset_stands &= !self.model.replaces_reset(kind);
+        self.reset.stands &= !self.model.replaces_reset(kind);
     }
 
     /// The reset's register holds a word other than the reset word.
     pub(super) const fn reset_is_taken_back(&mut self) {
-        self.reset_stands = false;
+        self.reset.stands = false;
     }
 }

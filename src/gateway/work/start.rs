@@ -8,18 +8,13 @@ use crate::gateway::list::List;
 use crate::gateway::note::Note;
 use crate::gateway::waiter::Waiter;
 use crate::profile::model::OrderKind;
-use std::time::Duration;
-
-/// Time between two attempts to take a start back.
-const AGAIN_AFTER: Duration = Duration::from_secs(5);
 
 impl DriveWork {
     /// The next request of `list` is sent.
     pub(super) fn start_was_sent(&mut self) {
         let starts = self.current.as_ref().is_some_and(List::starts);
         if starts && self.model.start_take_back().is_some() {
-            self.start_stands = true;
-            self.start_back_at = MonoTime::ZERO;
+            self.start.was_sent();
         }
     }
 
@@ -27,28 +22,28 @@ impl DriveWork {
     pub(super) fn runs_now(&mut self) {
         let runs = |list: &List| matches!(list.order(), Order::Go(go) if go.run().is_some());
         let shows_it = self.current.as_ref().is_some_and(|list| runs(list) && list.is_reading_back());
-        self.start_stands &= !shows_it;
+        self.start.stands &= !shows_it;
     }
 
     /// The word of the order `kind` was written: it replaces that of a start where both are in one register.
     pub(super) fn replaces_start(&mut self, kind: OrderKind) {
         let is_same = self.model.order_address(kind) == self.model.order_address(OrderKind::Forward);
-        self.start_stands &= !is_same;
+        self.start.stands &= !is_same;
     }
 
     /// The start is taken back.
     pub(super) const fn start_is_taken_back(&mut self) {
-        self.start_stands = false;
+        self.start.stands = false;
     }
 
     /// Takes back a start that has ended without the drive showing that it runs: at once, before everything else but a
     /// stop. What waits behind it would be sent to a drive that is not ready.
     pub(super) fn take_start_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
         let is_busy = self.latch.is_some() || self.current.is_some();
-        if !self.start_stands || is_busy || is_offline || now < self.start_back_at {
+        if is_busy || is_offline || !self.start.is_due(now) {
             return;
         }
-        self.start_back_at = now + AGAIN_AFTER;
+        self.start.attempt(now);
         self.cut_motion(Reason::NotReady, out);
         let Some(approved) = self.guard.take_start_back(now) else { return };
         out.push_back(Effect::Note(self.drive, Note::StartTakenBack));

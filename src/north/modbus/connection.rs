@@ -3,8 +3,8 @@
 
 use super::answer::{self, Answer, Form};
 use super::ask::Ask;
+use super::attempts::{self, UnsentAttempt};
 use super::counters::Counters;
-use super::kept::{self, UnsentAttempt};
 use super::limits::{CloseReason, Limits};
 use super::{refusal, request};
 use crate::domain::command::{Outcome, Reason, Report};
@@ -298,8 +298,8 @@ impl Connection {
                 self.refuse_at_once(message, exception::SERVER_DEVICE_BUSY);
             }
             Err(code) => {
-                if let Some(tried) = kept::of_pdu(message.unit, message.pdu) {
-                    self.keep(message.unit, tried, Report::refused(kept::reason_of(code)));
+                if let Some(tried) = attempts::of_pdu(message.unit, message.pdu) {
+                    self.keep(message.unit, tried, Report::refused(attempts::reason_of(code)));
                 }
                 self.refuse_at_once(message, code);
             }

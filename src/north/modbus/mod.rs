@@ -7,12 +7,12 @@
 
 mod answer;
 mod ask;
+mod attempts;
 mod commands;
 mod connection;
 mod counters;
 mod function;
 mod identity;
-mod kept;
 mod limits;
 mod map;
 pub mod native;
@@ -29,10 +29,10 @@ mod words;
 
 pub use answer::Answer;
 pub use ask::{Ask, BitTable, Bits, WordTable};
+pub use attempts::UnsentAttempt;
 pub use commands::{Commands, Ended, ReadBehind};
 pub use connection::{Call, Connection, IsStop};
 pub use counters::Counters;
-pub use kept::UnsentAttempt;
 pub use limits::{CloseReason, Limits};
 pub use map::{Each, Holds, MapAccess, MapRow, MapTable, MapUnit, map};
 pub use refusal::{exception_for, exception_of, worst};

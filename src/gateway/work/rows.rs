@@ -28,7 +28,7 @@ pub(super) struct Opening {
 
 /// Trips, as far as their rows are durable.
 #[derive(Debug, Default)]
-pub(super) struct KeptDesk {
+pub(super) struct DurableTrips {
     shown: KeptTrips,
     /// Snapshots to show once these rows are durable.
     unkept: VecDeque<(RowNumber, KeptTrips)>,
@@ -39,7 +39,7 @@ pub(super) struct KeptDesk {
     code_before: Option<u16>,
 }
 
-impl KeptDesk {
+impl DurableTrips {
     /// Restores the trips of previous runs.
     pub fn remember(&mut self, remembered: &Remembered) {
         self.said = remembered.trips.unwrap_or_default();
@@ -154,7 +154,7 @@ impl DriveWork {
     }
 }
 
-impl KeptDesk {
+impl DurableTrips {
     /// The snapshot of `trips` to show, if it is new. Without a journal it is the current state.
     fn new_picture(&self, trips: &TripWatch, keeps: bool) -> Option<KeptTrips> {
         let view = trips.view();
