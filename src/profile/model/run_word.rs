@@ -1,6 +1,6 @@
 //! What a word in the run command register means: by its bits and fields, and as an order.
 
-use super::{Fact, RunCommand};
+use super::{Fact, OrderKind, RunCommand};
 use crate::domain::command::Direction;
 
 /// How the words of run commands are built.
@@ -270,6 +270,19 @@ pub enum OrderedWord {
     Release,
 }
 
+impl OrderedWord {
+    const fn of(kind: OrderKind) -> Self {
+        match kind {
+            OrderKind::Stop => Self::Stop,
+            OrderKind::Forward => Self::Go(Direction::Forward),
+            OrderKind::Reverse => Self::Go(Direction::Reverse),
+            OrderKind::Coast => Self::Coast,
+            OrderKind::Reset => Self::Reset,
+            OrderKind::Release => Self::Release,
+        }
+    }
+}
+
 impl RunCommand {
     /// What `word` orders when a client writes it; `None` if it is not exactly one known command.
     ///
@@ -278,16 +291,11 @@ impl RunCommand {
     /// coasts, it is a coast, if that is proven.
     #[must_use]
     pub fn order_in(&self, word: u16) -> Option<OrderedWord> {
-        let all = [
-            (Some(&self.stop), OrderedWord::Stop),
-            (Some(&self.forward), OrderedWord::Go(Direction::Forward)),
-            (self.reverse.as_ref(), OrderedWord::Go(Direction::Reverse)),
-            (self.coast.as_ref(), OrderedWord::Coast),
-            (self.reset.as_ref(), OrderedWord::Reset),
-            (self.release.as_ref(), OrderedWord::Release),
-        ];
-        let exact = all.into_iter().find(|(fact, _)| fact.is_some_and(|fact| fact.value == word));
-        exact.map(|(_, order)| order).or_else(|| self.order_in_zero().filter(|_| word == 0))
+        // The word of an order that has a register of its own means nothing here.
+        let is_here = |kind: OrderKind| self.places.registers.iter().all(|(other, _)| *other != kind);
+        let is_word = |kind: OrderKind| self.word(kind).is_some_and(|fact| fact.value == word);
+        let exact = OrderKind::ALL.into_iter().find(|kind| is_word(*kind) && is_here(*kind));
+        exact.map(OrderedWord::of).or_else(|| self.order_in_zero().filter(|_| word == 0))
     }
 
     /// What a written 0 orders that is no command; `None` if the model does not say what a drive does with it.
@@ -299,5 +307,24 @@ impl RunCommand {
                 OrderedWord::Stop
             }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::check;
+    use crate::profile::model::Confidence;
+    use crate::profile::testing::ZERO_NOTHING;
+
+    #[test]
+    fn a_word_of_another_register_orders_nothing_in_the_run_command() {
+        let mut run = check::model(ZERO_NOTHING).unwrap().run.unwrap();
+        let fact = |value| Some(Fact { value, confidence: Confidence::Manual, source: "UM 4".to_owned() });
+        (run.release, run.coast) = (fact(0), fact(7));
+        assert_eq!((run.order_in(0), run.order_in(7)), (Some(OrderedWord::Release), Some(OrderedWord::Coast)));
+        run.places.registers = [OrderKind::Release, OrderKind::Coast].map(|kind| (kind, 0x3000_u16.into())).to_vec();
+        assert_eq!((run.order_in(0), run.order_in(7)), (Some(OrderedWord::Stop), None));
+        assert_eq!(run.order_in(0x0012), Some(OrderedWord::Go(Direction::Forward)));
     }
 }
