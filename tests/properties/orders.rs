@@ -33,11 +33,13 @@ enum Step {
     Clear,
     Power(bool),
     HoldBack(bool),
+    /// The word for reverse does not reach the drive.
+    Loses(bool),
     Alive,
 }
 
 fn order() -> impl Strategy<Value = Order> {
-    let hertz = || prop::option::of((500..5000_u16).prop_map(Hertz::from_centihertz));
+    let hertz = || (500..5000_u16).prop_map(|it| Some(Hertz::from_centihertz(it)));
     let direction = prop_oneof![Just(Direction::Forward), Just(Direction::Reverse)];
     prop_oneof![
         3 => Just(Order::Stop { setpoint: None }),
@@ -53,11 +55,12 @@ fn step() -> impl Strategy<Value = Step> {
         8 => (0..3_usize, order()).prop_map(|(who, order)| Step::Command(who, order)),
         3 => (1..100_u64).prop_map(Step::Pass),
         5 => (100..5000_u64).prop_map(Step::Pass),
-        1 => (0..4_usize).prop_map(Step::Faults),
+        3 => (0..4_usize).prop_map(Step::Faults),
         1 => Just(Step::Trip),
         1 => Just(Step::Clear),
         1 => any::<bool>().prop_map(Step::Power),
         2 => any::<bool>().prop_map(Step::HoldBack),
+        2 => any::<bool>().prop_map(Step::Loses),
         2 => Just(Step::Alive),
     ]
 }
@@ -65,13 +68,25 @@ fn step() -> impl Strategy<Value = Step> {
 struct Observed {
     rig: Rig,
     given: Vec<(Ticket, MonoTime, Order)>,
+    /// When the drive was switched off or on.
+    power_at: MonoTime,
+    /// The direction that the drive held when a run word left, and the one that was written before.
+    directions: Vec<(Option<u16>, Option<u16>)>,
+    /// It moved when it was let go, although no start was told as done.
+    moved_late: bool,
 }
 
 impl Observed {
     fn new(text: &str, seed: u64) -> Self {
         let model = Arc::new(check::model(text).expect("a sound model"));
         let poll = Duration::from_millis(100);
-        Self { rig: Rig::new(&RigOptions { seed, poll, ..options_of(&model, accepting()) }), given: Vec::new() }
+        Self {
+            rig: Rig::new(&RigOptions { seed, poll, ..options_of(&model, accepting()) }),
+            given: Vec::new(),
+            power_at: MonoTime::ZERO,
+            directions: Vec::new(),
+            moved_late: false,
+        }
     }
 
     fn take(&mut self, step: Step) {
@@ -82,12 +97,19 @@ impl Observed {
                 self.given.push((ticket, now, order));
                 return;
             }
-            Step::Pass(ms) => return self.rig.pass(Duration::from_millis(ms)),
+            Step::Pass(ms) => return self.pass(Duration::from_millis(ms)),
             Step::Faults(plan) => {
                 let plans = ["", "lost=300", "late=300,flip=50", "noise=100,cut=100"];
                 return self.rig.bus.set_faults(plans[plan].parse().expect("a plan"));
             }
-            Step::Power(on) => return self.rig.bus.set_powered(now, Station(1), on),
+            Step::Power(on) => {
+                self.power_at = now;
+                return self.rig.bus.set_powered(now, Station(1), on);
+            }
+            Step::Loses(it) => {
+                self.rig.swallows = it.then(|| vec![6, 0x20, 1, 0, 1]);
+                return;
+            }
             Step::Alive => return self.rig.core.handle(now, Input::PathAlive(MQTT.owner)),
             Step::Trip | Step::Clear | Step::HoldBack(_) => {}
         }
@@ -100,8 +122,43 @@ impl Observed {
         }
     }
 
+    /// Lets time pass, and looks at the drive whenever a run word leaves.
+    fn pass(&mut self, time: Duration) {
+        let until = self.rig.now + time;
+        while self.rig.now < until {
+            let before = self.rig.sent.len();
+            self.rig.step(until);
+            let has_run = self.rig.sent[before..].iter().any(|sent| sent.pdu == [6, 0x20, 0, 0, 1]);
+            let drive = self.rig.bus.drive_mut(Station(1));
+            let held = drive.filter(|drive| drive.is_powered()).and_then(|drive| drive.word(DIRECTION.into()));
+            // A drive that has just lost its power may have lost the direction with it.
+            if has_run && held.is_some() && self.rig.now.since(self.power_at) > Duration::from_secs(10) {
+                let given = self.writes().into_iter().rev().find(|write| write.1 == DIRECTION).map(|write| write.2);
+                self.directions.push((held, given));
+            }
+        }
+    }
+
+    /// The drive is let go while a client keeps control: what it does then, it was ordered.
+    fn let_go(&mut self) {
+        self.rig.bus.set_faults(FaultPlan::NONE);
+        let now = self.rig.now;
+        self.rig.bus.set_powered(now, Station(1), true);
+        self.rig.live(Duration::from_secs(7));
+        self.take(Step::Clear);
+        let is_at_rest = self.rig.output(1) == 0;
+        self.take(Step::HoldBack(false));
+        self.rig.live(Duration::from_secs(3));
+        // A start that was told as failed, or not at all.
+        let runs = self.given.iter().rev().find(|(.., order)| matches!(order, Order::Go(go) if go.run().is_some()));
+        let told = runs.and_then(|(ticket, ..)| self.rig.told(*ticket).last().copied());
+        let is_ordered = matches!(told, Some((Outcome::Confirmed | Outcome::Acknowledged, ..)));
+        self.moved_late = is_at_rest && !is_ordered && self.rig.output(1) != 0;
+    }
+
     /// Nobody is left who commands, and everything works again.
     fn calm_down(&mut self) {
+        self.rig.swallows = None;
         self.rig.bus.set_faults(FaultPlan::NONE);
         let now = self.rig.now;
         self.rig.bus.set_powered(now, Station(1), true);
@@ -149,9 +206,12 @@ proptest! {
         seed in any::<u64>(), steps in prop::collection::vec(step(), 1..50)
     ) {
         let mut observed = Observed::new(APART, seed);
+        observed.take(Step::Command(0, Order::Stop { setpoint: None }));
+        observed.take(Step::Pass(4000));
         steps.into_iter().for_each(|step| observed.take(step));
         observed.calm_down();
         observed.check(|register, word| (register, word) == (RUN, 1) || register == DIRECTION)?;
+        prop_assert!(observed.directions.iter().all(|(held, given)| held == given), "{:?}", observed.directions);
         let writes = observed.writes();
         for (at, _) in writes.iter().enumerate().filter(|(_, (_, register, word))| (*register, *word) == (RUN, 1)) {
             let before = at.checked_sub(1).map(|before| writes[before].1);
@@ -162,9 +222,19 @@ proptest! {
     }
 
     #[test]
-    fn no_start_is_left_standing(seed in any::<u64>(), steps in prop::collection::vec(step(), 1..50)) {
+    fn no_start_is_left_standing(
+        seed in any::<u64>(), steps in prop::collection::vec(step(), 1..50), start in order(), wait in 0..6000_u64
+    ) {
         let mut observed = Observed::new(IN_WORDS, seed);
+        observed.take(Step::Command(0, Order::Stop { setpoint: None }));
+        observed.take(Step::Pass(4000));
         steps.into_iter().for_each(|step| observed.take(step));
+        // Whatever went before, the last start meets a drive that is not ready.
+        observed.take(Step::HoldBack(true));
+        observed.take(Step::Command(0, start));
+        observed.take(Step::Pass(wait));
+        observed.let_go();
+        prop_assert!(!observed.moved_late, "nobody ordered it: {:04X?}", observed.writes());
         observed.calm_down();
         observed.check(|register, word| register == RUN && (RUNS.contains(&word) || word == FIRST))?;
         let held = observed.rig.bus.drive_mut(Station(1)).and_then(|drive| drive.word(RUN.into()));
