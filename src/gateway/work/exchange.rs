@@ -95,6 +95,11 @@ impl DriveWork {
         }
     }
 
+    /// The drive hears nothing until `moment`: a stop that is sent before is sent again then.
+    pub fn is_deaf_until(&mut self, moment: MonoTime) {
+        self.deaf_until = self.deaf_until.max(moment);
+    }
+
     /// The stop that this drive waits for, if it has not been sent yet.
     #[must_use]
     pub fn unsent_stop(&self) -> Option<Request> {

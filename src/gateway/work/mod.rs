@@ -240,11 +240,6 @@ impl DriveWork {
         self.rest_until.take()
     }
 
-    /// The drive hears nothing until `moment`: a stop that is sent before is sent again then.
-    pub fn is_deaf_until(&mut self, moment: MonoTime) {
-        self.deaf_until = self.deaf_until.max(moment);
-    }
-
     /// Whether a stop waits that has never been sent.
     #[must_use]
     pub fn has_new_stop(&self) -> bool {
