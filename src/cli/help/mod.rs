@@ -38,7 +38,7 @@ pub fn complete(plain: Command) -> Command {
     with_texts(plain, "")
 }
 
-/// `command`, which is invoked by `words`, with its help and those of its sub-commands.
+/// `command`, which is invoked by `words`, with its help text and those of its sub-commands.
 fn with_texts(command: Command, words: &str) -> Command {
     let names: Vec<_> = command.get_subcommands().map(|it| it.get_name().to_owned()).collect();
     let command = names.into_iter().fold(command, |command, name| {
@@ -72,7 +72,10 @@ mod tests {
             assert!(command.get_about().is_some(), "{words} has no sentence");
             let after = command.get_after_long_help().or(command.get_after_help());
             let after = after.map(ToString::to_string).unwrap_or_default();
-            assert!(after.contains("Examples:\n"), "`{words}` shows no example: give it a help in cli/help/texts.rs");
+            assert!(
+                after.contains("Examples:\n"),
+                "`{words}` shows no example: give it a help text in cli/help/texts.rs"
+            );
             assert!(after.contains("Exit codes: 0"), "`{words}` says nothing of its exit codes");
             for arg in command.get_arguments() {
                 assert!(arg.get_help().is_some(), "`{words}`: {} is not explained", arg.get_id());

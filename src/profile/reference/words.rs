@@ -21,7 +21,7 @@ pub(super) const LIKE: &str = "
 With `like` a file takes over everything that it does not say itself, except `id` and `title`; the vendor may be another one.
 Rows of the lists below that both files have are told apart by their key, and the file's own row takes the place of the other
 one. Every other list, and every fact, is replaced as a whole; tables that are no facts are merged key by key. What is taken
-over keeps its documents and is graded anew: a document of the other model makes a fact `sibling` at best. A document of the
+over keeps its documents and is graded again: a document of the other model makes a fact `sibling` at best. A document of the
 other model that covers this one too is declared again, with the same title and kind, and with both models in `of`.
 
 | rows of | are told apart by |
@@ -39,7 +39,7 @@ pub(super) const WORDS: &[Words] = &[
             ),
             ("third-party", "Stated for this model by others: a program, a map, a note from a site."),
             ("sibling", "Stated for another model of the family only."),
-            ("inferred", "Follows from other facts; nobody has seen it."),
+            ("inferred", "Follows from other facts; it was not observed."),
             ("default", "No source, a cautious choice. Under `[timing]` only."),
             ("configured", "Reserved for registers that a configuration adds; a file cannot use it."),
         ],
