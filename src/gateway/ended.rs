@@ -30,7 +30,7 @@ impl LineCore {
         let until = drive.may_come_until(now, flight.request_end, &exchange.request, &self.timing);
         let is_jammed = self.health.is_jammed();
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
-        let (ending, kind) = self.judged(&flight, ending);
+        let (ending, kind) = self.judged(&flight, is_spoilt, ending);
         let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
@@ -93,8 +93,7 @@ impl LineCore {
     /// What `ending` is worth, and what the drive means by it if that is an exception. A clean frame amid babble may be an
     /// artefact of it, and the frame after an unexplained one may be another of that kind. A stop is sent without proof,
     /// and confirmed by a read-back.
-    fn judged(&self, flight: &Flight, ending: Ending) -> (Ending, Option<ExceptionKind>) {
-        let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
+    fn judged(&self, flight: &Flight, is_spoilt: bool, ending: Ending) -> (Ending, Option<ExceptionKind>) {
         let ending = match ending {
             _ if self.health.is_jammed() => Ending::Silent,
             _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
@@ -241,9 +240,9 @@ impl LineCore {
         let Some((_, pdu)) = framing::decode(self.timing.framing, adu) else { return };
         let mut flight = self.flight.as_mut().filter(|flight| flight.drive == index && !was_answered);
         let refused = flight.as_mut().and_then(|it| it.doubts_refusal.take_if(|request| answers(request, &pdu)));
-        if refused.is_some() {
+        if let (Some(flight), Some(_)) = (&mut flight, refused) {
+            flight.is_spoilt = true;
             station.refused_in_doubt(now);
-            flight.into_iter().for_each(|flight| flight.is_spoilt = true);
             return;
         }
         let stray = station.stray(&pdu, now, setup.max_lateness);
@@ -252,8 +251,8 @@ impl LineCore {
         }
         self.health.diagnosis.stray(index.get(), stray);
         self.health.damage.stray(index.get(), stray);
-        if stray != Stray::Explained {
-            flight.into_iter().for_each(|flight| flight.is_spoilt = true);
+        if let Some(flight) = flight.filter(|_| stray != Stray::Explained) {
+            flight.is_spoilt = true;
         }
     }
 }
