@@ -11,10 +11,9 @@ use std::collections::HashMap;
 const SHOWN: u64 = 10_000_000_000;
 /// And in so many replies. An unexplained frame makes the next eight replies doubtful (rule 53), and between those the
 /// station may be left alone for long: a trip that is over by then is not reported. For the same reason two trips are
-/// two only if as many replies between them show none.
+/// two only if as many replies between them show none, and a count is sure only after as many: three are the first,
+/// one that confirms it and one beside the record.
 const REPLIES: u32 = 11;
-/// Replies that show a count: the first, one that confirms it, and one beside the record.
-const COUNT_REPLIES: u32 = 3;
 
 /// Something that is kept now.
 #[derive(Clone, Copy, Debug)]
@@ -100,7 +99,7 @@ impl Checker {
                 match book.count {
                     Some((shown, since)) if shown == count => {
                         book.count_replies += 1;
-                        if at > since + SHOWN && book.count_replies >= COUNT_REPLIES {
+                        if at > since + SHOWN && book.count_replies >= REPLIES {
                             book.sure_count = count;
                         }
                     }
