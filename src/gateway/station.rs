@@ -5,7 +5,7 @@ use super::drive::DriveOnLine;
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::StationReport;
 use crate::domain::time::MonoTime;
-use crate::line::quality::Quality;
+use crate::line::quality::ExchangeQuality;
 use crate::line::timeouts::Class;
 
 impl LineCore {
@@ -29,7 +29,7 @@ impl LineCore {
             damage: self.health.damage.of(place),
             reply_counts: measured.reply_counts,
             commands: self.effects.commands(drive),
-            bad_per_cent: self.health.quality.station(place).and_then(Quality::bad_per_cent),
+            bad_per_cent: self.health.quality.station(place).and_then(ExchangeQuality::bad_per_cent),
             is_suspended: self.health.quality.is_suspended(place),
         })
     }

@@ -11,14 +11,14 @@ pub const RESUME_BELOW_PER_CENT: u32 = 3;
 
 /// The last exchanges of one line or station.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Quality {
+pub struct ExchangeQuality {
     /// One bit each, the newest lowest; set: it was bad.
     bad: u128,
     count: u32,
     is_suspended: bool,
 }
 
-impl Quality {
+impl ExchangeQuality {
     /// Records an exchange.
     pub fn take(&mut self, is_bad: bool) {
         self.bad = (self.bad << 1 | u128::from(is_bad)) & ((1 << WINDOW) - 1);
@@ -48,15 +48,15 @@ impl Quality {
 /// A line with its stations.
 #[derive(Debug)]
 pub struct LineQuality {
-    line: Quality,
-    stations: Vec<Quality>,
+    line: ExchangeQuality,
+    stations: Vec<ExchangeQuality>,
 }
 
 impl LineQuality {
     /// A line with `stations` stations and no exchanges yet.
     #[must_use]
     pub fn new(stations: usize) -> Self {
-        Self { line: Quality::default(), stations: vec![Quality::default(); stations] }
+        Self { line: ExchangeQuality::default(), stations: vec![ExchangeQuality::default(); stations] }
     }
 
     /// Records an exchange with the station at `place`.
@@ -69,13 +69,13 @@ impl LineQuality {
 
     /// All exchanges of the line.
     #[must_use]
-    pub const fn line(&self) -> &Quality {
+    pub const fn line(&self) -> &ExchangeQuality {
         &self.line
     }
 
     /// All exchanges with the station at `place`; `None` if there is no such station.
     #[must_use]
-    pub fn station(&self, place: usize) -> Option<&Quality> {
+    pub fn station(&self, place: usize) -> Option<&ExchangeQuality> {
         self.stations.get(place)
     }
 
@@ -89,7 +89,7 @@ impl LineQuality {
     /// Whether motion is refused for the drive at `place`.
     #[must_use]
     pub fn is_suspended(&self, place: usize) -> bool {
-        self.is_line_suspended() || self.stations.get(place).is_some_and(Quality::is_suspended)
+        self.is_line_suspended() || self.stations.get(place).is_some_and(ExchangeQuality::is_suspended)
     }
 }
 
@@ -97,8 +97,8 @@ impl LineQuality {
 mod tests {
     use super::*;
 
-    fn after(exchanges: impl IntoIterator<Item = bool>) -> Quality {
-        let mut quality = Quality::default();
+    fn after(exchanges: impl IntoIterator<Item = bool>) -> ExchangeQuality {
+        let mut quality = ExchangeQuality::default();
         exchanges.into_iter().for_each(|is_bad| quality.take(is_bad));
         quality
     }

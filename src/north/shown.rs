@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// How reliable a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quality {
+pub enum Freshness {
     /// It is not older than allowed.
     Good,
     /// It is older than allowed.
@@ -22,7 +22,7 @@ pub enum Quality {
     Never,
 }
 
-impl Quality {
+impl Freshness {
     /// The word as used in payloads.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -55,11 +55,11 @@ pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Opti
 
 /// How reliable the last reading of `register` is.
 #[must_use]
-pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Quality {
+pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Freshness {
     match stale_at(drive, register, view) {
-        None => Quality::Never,
-        Some(stale_at) if at < stale_at => Quality::Good,
-        Some(_) => Quality::Stale,
+        None => Freshness::Never,
+        Some(stale_at) if at < stale_at => Freshness::Good,
+        Some(_) => Freshness::Stale,
     }
 }
 

@@ -4,8 +4,8 @@ use super::drive::SimDrive;
 use super::fault::{Fate, FaultPlan, Faults};
 use super::incoming::{Incoming, least_silence, silence_for};
 use super::node::Node;
-use super::outbox::{Delivery, Outbox};
 use super::report::BusReport;
+use super::transmissions::{Delivery, Transmissions};
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::time::MonoTime;
@@ -79,7 +79,7 @@ pub struct SimBus {
     /// End of the last character on the wire, as far as the drives' bytes were taken.
     quiet_since: Option<MonoTime>,
     /// What the drives still have to transmit.
-    outbox: Outbox,
+    transmissions: Transmissions,
     report: BusReport,
     /// The newest reply of a drive, before any fault.
     newest_reply: Vec<u8>,
@@ -100,7 +100,10 @@ impl SimBus {
             request: Incoming::new(options.framing),
             master_end: MonoTime::ZERO,
             quiet_since: None,
-            outbox: Outbox::new((options.pacing == Pacing::CharacterTimes).then_some(link), options.delivery),
+            transmissions: Transmissions::new(
+                (options.pacing == Pacing::CharacterTimes).then_some(link),
+                options.delivery,
+            ),
             report: BusReport::default(),
             newest_reply: Vec::new(),
             echoes: false,
@@ -119,7 +122,7 @@ impl SimBus {
             self.silence = self.silence.max(silence_for(drive.model(), self.options.framing, self.link));
         }
         self.nodes.retain(|node| node.station != station);
-        self.outbox.silence(MonoTime::ZERO, station);
+        self.transmissions.silence(MonoTime::ZERO, station);
         self.faults.connect(station.0);
         self.nodes.push(Node::new(station, drive));
     }
@@ -147,7 +150,7 @@ impl SimBus {
         if !powered {
             node.busy_until = at;
             node.late_until = at;
-            self.outbox.silence(at, station);
+            self.transmissions.silence(at, station);
         }
     }
 
@@ -183,27 +186,27 @@ impl SimBus {
     /// Puts unsolicited `bytes` from no drive on the wire from `at` on: from a foreign master, a babbling node, an
     /// adapter that hears itself. Beyond [`Self::WAITING_MAX`] waiting transmissions they are lost.
     pub fn speak(&mut self, at: MonoTime, bytes: &[u8]) {
-        if let Some(frame) = self.outbox.frame_of(bytes) {
-            self.report.collisions += self.outbox.add(NOBODY, at, false, frame, usize::MAX);
+        if let Some(frame) = self.transmissions.frame_of(bytes) {
+            self.report.collisions += self.transmissions.add(NOBODY, at, false, frame, usize::MAX);
         }
     }
 
     /// The same, but any other transmission cuts it off: a burst mixed with a frame would have a valid check once in
     /// 65,536 times, whatever a master does.
     fn burst(&mut self, at: MonoTime, bytes: &[u8]) {
-        if let Some(frame) = self.outbox.frame_of(bytes) {
+        if let Some(frame) = self.transmissions.frame_of(bytes) {
             self.report.bursts += 1;
-            self.outbox.add_yielding(NOBODY, at, frame);
+            self.transmissions.add_yielding(NOBODY, at, frame);
         }
     }
 
     /// Maximum number of transmissions that may wait to be taken.
-    pub const WAITING_MAX: usize = Outbox::MAX_WAITING;
+    pub const WAITING_MAX: usize = Transmissions::MAX_WAITING;
 
     /// Whether characters take time on this bus.
     #[must_use]
     pub const fn is_paced(&self) -> bool {
-        self.outbox.is_paced()
+        self.transmissions.is_paced()
     }
 
     /// The counters of an observer on the wire.
@@ -222,15 +225,15 @@ impl SimBus {
     /// from the end of its earlier bytes if those are still going out.
     pub fn receive(&mut self, at: MonoTime, bytes: &[u8]) {
         self.newest_reply.clear();
-        let start = if self.outbox.is_paced() { at.max(self.master_end) } else { at };
+        let start = if self.transmissions.is_paced() { at.max(self.master_end) } else { at };
         self.end_request_by_silence(start);
         for (n, byte) in bytes.iter().enumerate() {
             if self.request.begins_with(*byte) {
                 self.drop_request();
-                self.observe(start + self.outbox.time(n));
+                self.observe(start + self.transmissions.time(n));
             }
             self.request.push(*byte);
-            self.master_end = start + self.outbox.time(n + 1);
+            self.master_end = start + self.transmissions.time(n + 1);
             self.quiet_since = self.quiet_since.max(Some(self.master_end));
             if self.request.is_whole() {
                 self.end_request(self.master_end);
@@ -243,24 +246,24 @@ impl SimBus {
     #[must_use]
     pub fn next_due(&self) -> Option<MonoTime> {
         let silence = (!self.request.is_empty()).then(|| self.request_end());
-        [silence, self.outbox.next_due()].into_iter().flatten().min()
+        [silence, self.transmissions.next_due()].into_iter().flatten().min()
     }
 
     /// Takes the bytes that the drives have put on the wire until `at`, in order. On a paced bus `sink` gets each byte
     /// with the moment at which its character ends, else whole transmissions with the moment they are due.
     pub fn take_due(&mut self, at: MonoTime, sink: impl FnMut(MonoTime, &[u8])) {
         self.end_request_by_silence(at);
-        self.quiet_since = self.quiet_since.max(self.outbox.take(at, sink));
+        self.quiet_since = self.quiet_since.max(self.transmissions.take(at, sink));
     }
 
     /// Checks the silence before a request that begins at `start`.
     fn observe(&mut self, start: MonoTime) {
-        if !self.outbox.is_paced() {
+        if !self.transmissions.is_paced() {
             return;
         }
-        let on_wire = self.outbox.is_on_wire(start);
-        self.report.talked_over += u64::from(on_wire || self.outbox.is_awaited(start));
-        if let Some(quiet_since) = self.quiet_since.max(self.outbox.last_end(start)) {
+        let on_wire = self.transmissions.is_on_wire(start);
+        self.report.talked_over += u64::from(on_wire || self.transmissions.is_awaited(start));
+        if let Some(quiet_since) = self.quiet_since.max(self.transmissions.last_end(start)) {
             let gap = if on_wire { Duration::ZERO } else { start.since(quiet_since) };
             self.report.count_gap(gap, self.silence);
         }
@@ -317,29 +320,29 @@ impl SimBus {
             self.report.requests_ignored += 1;
             return;
         }
-        if !node.takes(end.before(self.outbox.time(request.len())), end, pdu) {
+        if !node.takes(end.before(self.transmissions.time(request.len())), end, pdu) {
             self.report.requests_too_soon += 1;
             return;
         }
-        let mut frame = self.outbox.buffer();
+        let mut frame = self.transmissions.buffer();
         let mut answered = false;
         framing::encode(self.options.framing, &mut frame, node.station.0, |out| {
             answered = node.drive.answer(end, pdu, node.exchanges, out);
         });
         if !answered {
-            return self.outbox.recycle(frame);
+            return self.transmissions.recycle(frame);
         }
         self.newest_reply.extend_from_slice(&frame);
-        let outbox = &self.outbox;
+        let transmissions = &self.transmissions;
         let turnaround = self.options.turnaround;
-        let burst = self.faults.burst(request, &frame, turnaround, |bytes| outbox.time(bytes));
+        let burst = self.faults.burst(request, &frame, turnaround, |bytes| transmissions.time(bytes));
         if let Some((after, bytes)) = burst {
             self.burst(end + after, &bytes);
         }
         let (fate, hole) = self.faults.spoil(&mut frame);
-        if fate == Fate::Lost || self.outbox.is_full() {
+        if fate == Fate::Lost || self.transmissions.is_full() {
             self.report.replies_lost += 1;
-            return self.outbox.recycle(frame);
+            return self.transmissions.recycle(frame);
         }
         self.schedule(place, end, fate, frame, hole);
     }
@@ -347,8 +350,8 @@ impl SimBus {
     /// Decides when `frame`, the reply to a request that ended at `end`, is sent; from the byte at `hole` on it is
     /// delivered late.
     fn schedule(&mut self, place: usize, end: MonoTime, fate: Fate, frame: Vec<u8>, hole: usize) {
-        let length = self.outbox.time(frame.len());
-        let right_time = if self.outbox.is_paced() { end + self.options.turnaround } else { end };
+        let length = self.transmissions.time(frame.len());
+        let right_time = if self.transmissions.is_paced() { end + self.options.turnaround } else { end };
         let wanted = match fate {
             Fate::Late => end + self.faults.late_start(length),
             Fate::Beyond => end + self.faults.beyond_start(),
@@ -362,9 +365,10 @@ impl SimBus {
         self.report.replies_sent += 1;
         self.report.replies_late += u64::from(is_late);
         let station = node.station;
-        self.report.collisions += self.outbox.add(station, start, start <= right_time, frame, hole);
-        if let Some((behind, frame)) = twin.filter(|_| !self.outbox.is_full()) {
-            self.report.collisions += self.outbox.add(station, start + length + behind, false, frame, usize::MAX);
+        self.report.collisions += self.transmissions.add(station, start, start <= right_time, frame, hole);
+        if let Some((behind, frame)) = twin.filter(|_| !self.transmissions.is_full()) {
+            self.report.collisions +=
+                self.transmissions.add(station, start + length + behind, false, frame, usize::MAX);
         }
     }
 }
@@ -607,7 +611,7 @@ mod tests {
         for n in 0..1_000 {
             bus.receive(ms(n), &D001);
         }
-        assert_eq!(taken(&mut bus, ms(1_000)).len(), Outbox::MAX_WAITING * STANDSTILL.len());
-        assert_eq!(bus.report().replies_lost, 1_000 - Outbox::MAX_WAITING as u64);
+        assert_eq!(taken(&mut bus, ms(1_000)).len(), Transmissions::MAX_WAITING * STANDSTILL.len());
+        assert_eq!(bus.report().replies_lost, 1_000 - Transmissions::MAX_WAITING as u64);
     }
 }

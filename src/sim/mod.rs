@@ -8,7 +8,7 @@
 //! | [`options`] | properties of a drive that the model does not state |
 //! | `incoming` | the master's bytes, until they form a request |
 //! | `node` | a drive on the bus: when it transmits, and its pauses |
-//! | `outbox` | pending transmissions of the drives, and their collisions |
+//! | `transmissions` | pending transmissions of the drives, and their collisions |
 //! | [`fault`] | seeded faults of replies |
 //! | [`report`] | counters of an observer on the wire |
 //! | [`bus`] | the half-duplex line: character times, turnaround, requests in, reply bytes out |
@@ -29,18 +29,18 @@ mod incoming;
 pub mod motor;
 mod node;
 pub mod options;
-mod outbox;
 #[cfg(test)]
 mod printed;
 pub mod report;
+mod transmissions;
 pub mod trip;
 
 pub use bus::{BusOptions, Pacing, SimBus};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
 pub use options::{BadRequest, DriveOptions, RefusedStops};
-pub use outbox::Delivery;
 pub use report::{BusReport, DriveReport};
+pub use transmissions::Delivery;
 
 #[cfg(test)]
 mod ascii_tests;

@@ -26,7 +26,7 @@ pub struct Counters {
     pub reconnects: u64,
     /// Trip events that are not acknowledged by the broker.
     pub events_waiting: u64,
-    /// Trip events dropped because the outbox was full.
+    /// Trip events dropped because the queue was full.
     pub events_dropped: u64,
     /// Trip events given up because the broker refused them.
     pub events_refused: u64,

@@ -1,8 +1,8 @@
 //! Commands and reads that were taken from messages, on their way to the lines.
 
+use super::command_ids::IdState;
 use super::payload::{InputCommand, Refused};
 use super::results::Reply;
-use super::seen::IdState;
 use super::session::Session;
 use crate::domain::command::{Owner, Reason, Report};
 use crate::domain::ids::Ticket;

@@ -1,11 +1,11 @@
 //! Messages from the broker: what each requests, and whether it is accepted.
 
 use super::attempts;
+use super::command_ids::IdState;
 use super::dispatch::Asker;
 use super::home_assistant::Plant;
 use super::payload::{self, InputCommand, InputRequest, Refused, short};
 use super::results::Reply;
-use super::seen::IdState;
 use super::session::Session;
 use super::topics::{Inbound, Input, InputAddress};
 use super::types::LeaseMode;

@@ -4,21 +4,22 @@
 //! [`Session`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` parse what
 //! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`
 //! publish their outcomes, `attempts` describes what a refused message attempted, `seen` remembers used ids, `stored`,
-//! `outbox` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
+//! `event_queue` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
 //! defines for each register which change is news, and `home_assistant` announces it all.
 
 mod answers;
 mod attempts;
+mod command_ids;
 mod command_json;
 mod counters;
 mod dispatch;
 mod drive_topics;
+mod event_queue;
 mod history;
 mod home_assistant;
 mod in_flight;
 mod inputs;
 mod line_topics;
-mod outbox;
 mod params;
 mod payload;
 mod points;
@@ -26,7 +27,6 @@ mod replaced;
 #[cfg(test)]
 mod replaced_tests;
 mod results;
-mod seen;
 mod session;
 mod slot;
 mod state;

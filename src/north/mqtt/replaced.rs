@@ -1,7 +1,7 @@
 //! The configuration changed while the connection stays: other drives, other lines.
 
+use super::command_ids::CommandIds;
 use super::home_assistant::Plant;
-use super::seen::CommandIds;
 use super::session::Session;
 use crate::domain::ids::{Name, Ticket};
 use crate::drive::description::DriveDescription;

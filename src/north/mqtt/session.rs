@@ -1,12 +1,12 @@
 //! The MQTT session: its life from connection to farewell, and its next act.
 
+use super::command_ids::CommandIds;
 use super::counters::Counters;
 use super::dispatch::Context;
+use super::event_queue::EventQueue;
 use super::history::History;
 use super::home_assistant::{Discovery, Plant};
-use super::outbox::Outbox;
 use super::results::Results;
-use super::seen::CommandIds;
 use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::topics::Topics;
@@ -54,7 +54,7 @@ pub struct Session {
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
     pub(super) results: Results,
-    outbox: Outbox,
+    events: EventQueue,
     pub(super) stored: Stored,
     history: History,
     pub(super) telemetry: Telemetry,
@@ -85,7 +85,7 @@ impl Session {
             broker: Broker::default(),
             commands: Commands::new(AskerId::MQTT),
             results: Results::default(),
-            outbox: Outbox::default(),
+            events: EventQueue::default(),
             stored: Stored::default(),
             history: History::new(settings.keep_telemetry),
             discovery: Discovery::default(),
@@ -151,7 +151,7 @@ impl Session {
             DISCOVERY => self.discovery.acknowledged(number),
             STORED => self.stored.acknowledged(number),
             HISTORY => self.history.acknowledged(number),
-            _ => self.outbox.acknowledged(number),
+            _ => self.events.acknowledged(number),
         }
         self.count_events();
     }
@@ -162,19 +162,19 @@ impl Session {
         match token & (STORED | HISTORY) {
             STORED => counters.events_refused += u64::from(self.stored.refused(at, number, refusal)),
             HISTORY => counters.history_dropped += u64::from(self.history.refused(at, number, refusal)),
-            _ => counters.events_refused += u64::from(self.outbox.refused(at, number, refusal)),
+            _ => counters.events_refused += u64::from(self.events.refused(at, number, refusal)),
         }
         self.count_events();
     }
 
     pub(super) fn count_events(&mut self) {
-        self.counters.events_waiting = (self.outbox.len() + self.stored.len()) as u64;
+        self.counters.events_waiting = (self.events.len() + self.stored.len()) as u64;
         self.counters.history_waiting = self.history.len() as u64;
     }
 
     fn lost(&mut self, at: MonoTime) {
         self.path.lost(at);
-        self.outbox.lost();
+        self.events.lost();
         self.stored.lost();
         self.history.lost();
         self.telemetry.forget();
@@ -190,7 +190,7 @@ impl Session {
         let mut body = trip::event(drive, &|at| self.clock.text(at), event);
         body.insert("session".to_owned(), self.run.as_str().into());
         let topic = self.topics.drive(drive.name.as_str(), "trip/event");
-        self.counters.events_dropped += u64::from(self.outbox.add(topic, body));
+        self.counters.events_dropped += u64::from(self.events.add(topic, body));
         self.count_events();
     }
 
@@ -211,10 +211,10 @@ impl Session {
         let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
         let telemetry = open(self.telemetry.wake());
         let history = open(self.history.wake());
-        let outbox = open(self.outbox.wake());
+        let events = open(self.events.wake());
         let stored = open(self.stored.wake());
         let discovery = open(self.discovery.wake());
-        let told = [telemetry, history, outbox, stored, discovery];
+        let told = [telemetry, history, events, stored, discovery];
         [self.path.wake(), self.commands.wake()].into_iter().chain(told).flatten().min()
     }
 
@@ -276,7 +276,7 @@ impl Session {
         if !self.path.is_open() {
             return None;
         }
-        if let Some((topic, payload, token)) = self.outbox.next(at) {
+        if let Some((topic, payload, token)) = self.events.next(at) {
             return Some(passing(topic, payload, Qos::AtLeastOnce, Some(token)));
         }
         if let Some((topic, payload, seq)) = self.stored.next(at) {

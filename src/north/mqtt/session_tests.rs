@@ -281,7 +281,7 @@ fn events_come_in_order_and_again_after_a_reconnect_until_acknowledged() {
 }
 
 #[test]
-fn a_full_outbox_counts_and_tells_what_it_lost() {
+fn a_full_queue_of_events_counts_and_reports_what_it_lost() {
     let mut rig = Rig::new(Version::V5);
     (0..1_030).for_each(|_| trip(&mut rig, 1));
     assert_eq!(rig.session.counters().events_dropped, 6);

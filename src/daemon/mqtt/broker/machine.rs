@@ -1,9 +1,9 @@
 //! The broker without sockets and clocks: it takes packets and the time, and returns what is to be sent.
 
+use super::client_queue::Taking;
 use super::decode;
 use super::encode;
 use super::limits::{CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX};
-use super::outbox::Taking;
 use super::packet::{Fault, Incoming, Outgoing, Qos, Refusal, reason};
 use super::retained::{Post, Retained};
 use super::session::{Session, SessionId};
@@ -176,7 +176,7 @@ impl Machine {
         let Some(connection) = self.connections.get_mut(&id) else { return };
         out.append(&mut connection.replies);
         let Some(session) = connection.session.and_then(|it| self.sessions.get_mut(&it)) else { return };
-        while out.len() < HANDED_OVER && session.outbox.next(connection.taking, &self.retained, now, out) {}
+        while out.len() < HANDED_OVER && session.queue.next(connection.taking, &self.retained, now, out) {}
     }
 
     /// Whether the connection is to be closed, once all is sent.
@@ -215,7 +215,7 @@ impl Machine {
     pub fn take_report(&mut self) -> Report {
         let mut dropped = std::mem::take(&mut self.dropped);
         for session in self.sessions.values_mut() {
-            let count = session.outbox.take_dropped();
+            let count = session.queue.take_dropped();
             if count > 0 {
                 *dropped.entry(Arc::clone(&session.client)).or_default() += count;
             }
@@ -256,11 +256,11 @@ impl Machine {
                 let code = if was_there { reason::SUCCESS } else { reason::IDENTIFIER_NOT_FOUND };
                 self.reply(id, &Outgoing::Completed(packet_id, code));
             }
-            Incoming::Acked(packet_id) => self.outbox(session, |outbox| outbox.acked(packet_id)),
-            Incoming::Completed(packet_id) => self.outbox(session, |outbox| outbox.completed(packet_id)),
+            Incoming::Acked(packet_id) => self.queue(session, |queue| queue.acked(packet_id)),
+            Incoming::Completed(packet_id) => self.queue(session, |queue| queue.completed(packet_id)),
             Incoming::Received { packet_id, is_taken } => {
                 let mut answer = None;
-                self.outbox(session, |outbox| answer = outbox.received(packet_id, is_taken));
+                self.queue(session, |queue| answer = queue.received(packet_id, is_taken));
                 if let Some(code) = answer {
                     self.reply(id, &Outgoing::Released(packet_id, code));
                 }
@@ -307,9 +307,9 @@ impl Machine {
         }
     }
 
-    fn outbox(&mut self, session: SessionId, change: impl FnOnce(&mut super::outbox::Outbox)) {
+    fn queue(&mut self, session: SessionId, change: impl FnOnce(&mut super::client_queue::ClientQueue)) {
         if let Some(session) = self.sessions.get_mut(&session) {
-            change(&mut session.outbox);
+            change(&mut session.queue);
             self.woken.extend(session.connection);
         }
     }

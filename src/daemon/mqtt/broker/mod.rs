@@ -4,12 +4,12 @@
 //! `encode`: the client library reads what brokers send, but refuses valid packets of clients (a DISCONNECT of MQTT 5
 //! without a reason) and accepts invalid ones. [`connection`] is a task for each client.
 
+mod client_queue;
 mod connection;
 mod decode;
 mod encode;
 mod limits;
 mod machine;
-mod outbox;
 mod packet;
 mod properties;
 mod reader;

@@ -1,8 +1,8 @@
 //! Subscriptions, and the delivery of messages to them.
 
+use super::client_queue::Delivery;
 use super::limits::SUBSCRIPTIONS_MAX;
 use super::machine::{ConnectionId, Machine};
-use super::outbox::Delivery;
 use super::packet::{Options, Outgoing, Qos, RetainHandling, Wanted, reason};
 use super::retained::Post;
 use super::session::{Session, SessionId};
@@ -36,7 +36,7 @@ impl Machine {
             RetainHandling::Never => false,
         };
         if wants_retained && filter.group.is_none() {
-            session.outbox.ask(&wanted.filter, wanted.options, &self.retained);
+            session.queue.ask(&wanted.filter, wanted.options, &self.retained);
         }
         wanted.options.qos as u8
     }
@@ -50,7 +50,7 @@ impl Machine {
         let Some(filter) = Filter::new(text) else { return reason::FILTER_INVALID };
         if let Some(session) = self.sessions.get_mut(&id) {
             session.filters.remove(text);
-            session.outbox.forget(text);
+            session.queue.forget(text);
         }
         if self.subscriptions.remove(filter, id) { reason::SUCCESS } else { reason::NO_SUBSCRIPTION_EXISTED }
     }
@@ -85,7 +85,7 @@ impl Machine {
             let Some(session) = self.sessions.get_mut(&id) else { continue };
             // Messages at quality of service 0 do not wait for a client without a connection.
             if session.connection.is_some() || delivery.qos != Qos::AtMostOnce {
-                session.outbox.add(delivery);
+                session.queue.add(delivery);
                 self.woken.extend(session.connection);
             }
         }

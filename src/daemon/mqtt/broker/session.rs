@@ -1,7 +1,7 @@
 //! The state of one client across its connections.
 
+use super::client_queue::ClientQueue;
 use super::machine::ConnectionId;
-use super::outbox::Outbox;
 use super::packet::{Expiry, Will};
 use crate::domain::time::MonoTime;
 use std::collections::BTreeSet;
@@ -26,7 +26,7 @@ pub struct Session {
     /// The will of the connection, or of one that has broken while the delay is not over.
     pub will: Option<Will>,
     pub filters: BTreeSet<String>,
-    pub outbox: Outbox,
+    pub queue: ClientQueue,
     /// Messages at quality of service 2 that the client has not released.
     pub incoming: BTreeSet<u16>,
 }
@@ -40,7 +40,7 @@ impl Session {
             gone_at: now,
             will: None,
             filters: BTreeSet::new(),
-            outbox: Outbox::default(),
+            queue: ClientQueue::default(),
             incoming: BTreeSet::new(),
         }
     }

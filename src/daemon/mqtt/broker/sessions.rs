@@ -1,8 +1,8 @@
 //! Beginning, taking over and ending sessions.
 
+use super::client_queue::Taking;
 use super::limits::{CLIENT_IDENTIFIER_MAX, IN_FLIGHT_MAX, SESSIONS_MAX};
 use super::machine::{ConnectionId, Machine};
-use super::outbox::Taking;
 use super::packet::{Connect, Expiry, Fault, Outgoing, Will, reason};
 use super::retained::Post;
 use super::session::{Session, SessionId};
@@ -39,7 +39,7 @@ impl Machine {
             session.connection = Some(id);
             session.expiry = connect.expiry;
             session.will = connect.will;
-            session.outbox.begin();
+            session.queue.begin();
         }
     }
 
@@ -81,7 +81,7 @@ impl Machine {
         let Some(kept) = self.sessions.get_mut(&session) else { return };
         kept.connection = None;
         kept.gone_at = now;
-        kept.outbox.end();
+        kept.queue.end();
         if !with_will {
             kept.will = None;
         }
@@ -113,7 +113,7 @@ impl Machine {
         for filter in session.filters.iter().filter_map(|it| Filter::new(it)) {
             self.subscriptions.remove(filter, id);
         }
-        let dropped = session.outbox.take_dropped();
+        let dropped = session.queue.take_dropped();
         if dropped > 0 && self.dropped.len() < SESSIONS_MAX {
             *self.dropped.entry(Arc::clone(&session.client)).or_default() += dropped;
         }
@@ -131,7 +131,7 @@ impl Machine {
             connection.session = None;
             connection.dismiss(reason::TAKEN_OVER, "another connection of the same client");
             self.woken.insert(other);
-            session.outbox.end();
+            session.queue.end();
         }
         self.publish_will(will, id, now);
         if clean_start {

@@ -44,7 +44,7 @@ pub(super) struct Transmission {
 
 /// Transmissions in order of their start.
 #[derive(Debug)]
-pub(super) struct Outbox {
+pub(super) struct Transmissions {
     /// `None`: characters take no time.
     pace: Option<LinkSettings>,
     delivery: Delivery,
@@ -57,7 +57,7 @@ pub(super) struct Outbox {
     spare: Vec<Vec<u8>>,
 }
 
-impl Outbox {
+impl Transmissions {
     /// Maximum number of waiting transmissions. More mean that the bus is not being read.
     pub const MAX_WAITING: usize = 64;
 
@@ -296,9 +296,9 @@ mod tests {
         MonoTime::from_millis(millis)
     }
 
-    fn taken(outbox: &mut Outbox, at: MonoTime) -> Vec<(u64, u8)> {
+    fn taken(transmissions: &mut Transmissions, at: MonoTime) -> Vec<(u64, u8)> {
         let mut bytes = Vec::new();
-        outbox.take(at, |due, byte| bytes.push((due.as_nanos() / 1_000_000, byte[0])));
+        transmissions.take(at, |due, byte| bytes.push((due.as_nanos() / 1_000_000, byte[0])));
         bytes
     }
 
@@ -325,46 +325,46 @@ mod tests {
 
     #[test]
     fn two_drives_at_the_same_time_damage_each_other() {
-        let mut outbox = Outbox::new(Some(LINK), Delivery::Characters);
-        assert_eq!(outbox.add(Station(2), ms(102), false, vec![5, 6, 7, 8], usize::MAX), 0);
-        assert_eq!(outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX), 1);
+        let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
+        assert_eq!(transmissions.add(Station(2), ms(102), false, vec![5, 6, 7, 8], usize::MAX), 0);
+        assert_eq!(transmissions.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX), 1);
         let expected = [(101, 1), (102, 2), (103, 3 ^ 0x55), (104, 4 ^ 0x55), (105, 7), (106, 8)];
-        assert_eq!(taken(&mut outbox, ms(200)), expected);
-        assert_eq!(outbox.next_due(), None);
+        assert_eq!(taken(&mut transmissions, ms(200)), expected);
+        assert_eq!(transmissions.next_due(), None);
     }
 
     #[test]
     fn a_burst_gives_way_to_whoever_talks() {
-        let mut outbox = Outbox::new(Some(LINK), Delivery::Characters);
-        outbox.add_yielding(Station(0), ms(100), vec![1, 2, 3, 4]);
-        assert_eq!(outbox.add(Station(1), ms(102), true, vec![7, 8], usize::MAX), 0);
-        outbox.add_yielding(Station(0), ms(103), vec![9, 9]);
-        assert_eq!(taken(&mut outbox, ms(200)), [(101, 1), (102, 2), (103, 7), (104, 8)]);
-        outbox.add(Station(1), ms(305), true, vec![7], usize::MAX);
-        outbox.add_yielding(Station(0), ms(304), vec![5, 6]);
-        assert_eq!(taken(&mut outbox, ms(400)), [(305, 5), (306, 7)]);
+        let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
+        transmissions.add_yielding(Station(0), ms(100), vec![1, 2, 3, 4]);
+        assert_eq!(transmissions.add(Station(1), ms(102), true, vec![7, 8], usize::MAX), 0);
+        transmissions.add_yielding(Station(0), ms(103), vec![9, 9]);
+        assert_eq!(taken(&mut transmissions, ms(200)), [(101, 1), (102, 2), (103, 7), (104, 8)]);
+        transmissions.add(Station(1), ms(305), true, vec![7], usize::MAX);
+        transmissions.add_yielding(Station(0), ms(304), vec![5, 6]);
+        assert_eq!(taken(&mut transmissions, ms(400)), [(305, 5), (306, 7)]);
     }
 
     #[test]
     fn a_burst_does_not_end_what_was_cut_off_within_an_adapters_hole() {
         let reply = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
         for (pause, is_heard) in [(0, false), (20, false), (21, true)] {
-            let mut outbox = Outbox::new(Some(LINK), Delivery::Replies);
-            outbox.add(Station(1), ms(100), false, reply[..3].to_vec(), usize::MAX);
-            outbox.add_yielding(Station(0), ms(103 + pause), reply[3..].to_vec());
+            let mut transmissions = Transmissions::new(Some(LINK), Delivery::Replies);
+            transmissions.add(Station(1), ms(100), false, reply[..3].to_vec(), usize::MAX);
+            transmissions.add_yielding(Station(0), ms(103 + pause), reply[3..].to_vec());
             let mut count = 0;
-            outbox.take(ms(400), |_, bytes| count += bytes.len());
+            transmissions.take(ms(400), |_, bytes| count += bytes.len());
             assert_eq!(count, if is_heard { 7 } else { 3 }, "{pause}");
         }
     }
 
     #[test]
     fn one_that_is_switched_off_stops_after_its_last_whole_character() {
-        let mut outbox = Outbox::new(Some(LINK), Delivery::Characters);
-        outbox.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX);
-        outbox.add(Station(1), ms(300), false, vec![9], usize::MAX);
-        assert_eq!(taken(&mut outbox, ms(101)), [(101, 1)]);
-        outbox.silence(MonoTime::from_micros(102_500), Station(1));
-        assert_eq!(taken(&mut outbox, ms(400)), [(102, 2)]);
+        let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
+        transmissions.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX);
+        transmissions.add(Station(1), ms(300), false, vec![9], usize::MAX);
+        assert_eq!(taken(&mut transmissions, ms(101)), [(101, 1)]);
+        transmissions.silence(MonoTime::from_micros(102_500), Station(1));
+        assert_eq!(taken(&mut transmissions, ms(400)), [(102, 2)]);
     }
 }

@@ -30,7 +30,7 @@ pub struct Taking {
 
 /// All messages to one client.
 #[derive(Debug, Default)]
-pub struct Outbox {
+pub struct ClientQueue {
     waiting: VecDeque<Delivery>,
     /// Their size in bytes.
     bytes: usize,
@@ -67,7 +67,7 @@ struct RetainedBatch {
     number: u64,
 }
 
-impl Outbox {
+impl ClientQueue {
     /// Adds a message. If there is no room, the oldest at quality of service 0 is dropped, or else this one.
     pub fn add(&mut self, delivery: Delivery) {
         let weight = delivery.post.message.weight();

@@ -20,12 +20,12 @@ struct Entry {
 
 /// The events that are not acknowledged, numbered from 1.
 #[derive(Debug, Default)]
-pub(super) struct Outbox {
+pub(super) struct EventQueue {
     entries: InFlight<Entry>,
     last_seq: u64,
 }
 
-impl Outbox {
+impl EventQueue {
     /// Adds an event, which gets the next sequence number. True if an older one had to be dropped for it.
     pub(super) fn add(&mut self, topic: String, body: Map<String, Value>) -> bool {
         self.last_seq += 1;
@@ -86,13 +86,13 @@ mod tests {
 
     #[test]
     fn the_oldest_gives_way_and_the_next_one_says_so() {
-        let mut outbox = Outbox::default();
-        (0..KEPT_MAX).for_each(|_| assert!(!outbox.add("t".into(), Map::new())));
-        assert_eq!(std::iter::from_fn(|| outbox.next(MonoTime::ZERO)).count(), IN_FLIGHT_MAX);
-        assert!(outbox.add("t".into(), Map::new()) && outbox.add("t".into(), Map::new()));
-        assert_eq!(outbox.len(), KEPT_MAX);
-        outbox.acknowledged(1);
-        let (_, payload, seq) = outbox.next(MonoTime::ZERO).unwrap();
+        let mut events = EventQueue::default();
+        (0..KEPT_MAX).for_each(|_| assert!(!events.add("t".into(), Map::new())));
+        assert_eq!(std::iter::from_fn(|| events.next(MonoTime::ZERO)).count(), IN_FLIGHT_MAX);
+        assert!(events.add("t".into(), Map::new()) && events.add("t".into(), Map::new()));
+        assert_eq!(events.len(), KEPT_MAX);
+        events.acknowledged(1);
+        let (_, payload, seq) = events.next(MonoTime::ZERO).unwrap();
         assert_eq!((seq, &payload[..]), (19, &br#"{"lost":2,"seq":19}"#[..]));
     }
 }
