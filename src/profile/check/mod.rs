@@ -120,7 +120,6 @@ mod tests {
         let facts = MODEL.matches("confidence = \"manual\"").count();
         for (document, what, best) in [
             ("kind = \"program\"", "a program of this model", "third-party"),
-            ("kind = \"addendum\", of = [\"acme-2\"]", "an addendum of acme-2", "sibling"),
             ("kind = \"distributor-manual\", of = [\"acme-1\"]", "a distributor-manual of this model", "second-source"),
         ] {
             let found = told_with(MODEL, title, &format!("IM = {{ title = \"One\", {document} }}"));
@@ -134,6 +133,24 @@ mod tests {
         let of_both = "IM = { title = \"One\", kind = \"manual\", of = [\"acme-1\", \"acme-2\"] }";
         assert_eq!(model(&MODEL.replace(title, of_both)).unwrap().documents[0].of, ["acme-1", "acme-2"]);
         assert!(model(MODEL).unwrap().documents[0].of.is_empty(), "a title alone is a manual of this very model");
+    }
+
+    #[test]
+    fn a_mistyped_id_is_one_mistake() {
+        let title = "IM = \"Interface manual\"";
+        let of_another = "IM = { title = \"One\", kind = \"addendum\", of = [\"acme-2\"] }";
+        let facts = MODEL.matches("confidence = \"manual\"").count();
+        let found = told_with(MODEL, title, of_another);
+        let expected = format!(
+            "id: no document is of `acme-1`, and {facts} facts need one\n    right: `acme-2`, or this one in `of` of its \
+             manual\n"
+        );
+        assert_eq!(found.split_once(' ').unwrap().1, expected);
+        let siblings = MODEL.replace("\"manual\"", "\"sibling\"").replace(title, of_another);
+        let one = siblings.replacen("\"sibling\"", "\"manual\"", 1);
+        let found = told(&model(&one).unwrap_err(), &one);
+        assert!(found.contains("`IM` is an addendum of acme-2\n    right: at best \"sibling\""), "{found}");
+        model(&siblings).unwrap();
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! `[documents]`: the documents that facts cite.
 
 use super::facts::filled_with;
+use crate::domain::problem::Problem;
 use crate::profile::model::{Confidence, Document, DocumentKind};
 use crate::profile::words::DOCUMENT_KINDS;
 use crate::toml_file::values::Kind;
@@ -41,6 +42,23 @@ impl DocumentsFile {
     /// Whether neither of two documents was made from the other, nor both from a third one.
     pub(super) fn are_independent(&self, one: &str, other: &str) -> bool {
         self.origins(one).is_disjoint(&self.origins(other))
+    }
+
+    /// Whether any of them is of the model `id`.
+    pub(super) fn cover(&self, id: &str) -> bool {
+        self.0.iter().any(|(_, document)| document.as_ref().is_none_or(|it| it.is_of(id)))
+    }
+
+    /// What to report where no document is of the model `id` and the facts of `claims` claim more than that supports.
+    pub(super) fn without_document(&self, id: &Spanned<String>, claims: Vec<Problem>) -> Vec<Problem> {
+        if claims.len() < 2 {
+            return claims;
+        }
+        let of: BTreeSet<_> = self.0.iter().filter_map(|(_, it)| it.as_ref()).flat_map(|it| &it.of).collect();
+        let of: Vec<_> = of.into_iter().map(|of| format!("`{of}`")).collect();
+        let what = format!("no document is of `{}`, and {} facts need one", id.value, claims.len());
+        let right = format!("{}, or this one in `of` of its manual", of.join(", "));
+        vec![id.location.problem(what).right(right)]
     }
 
     /// The document called `name` and everything that it was made from.

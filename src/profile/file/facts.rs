@@ -56,6 +56,9 @@ pub(super) struct Facts<'d> {
     pub defaults: bool,
     /// The second sources that were read.
     pub second: &'d RefCell<Vec<SecondSource>>,
+    /// Facts that claim more than they may while no document is of this model at all: several are one mistake, in `id`
+    /// or in `of`.
+    pub without_document: &'d RefCell<Vec<Problem>>,
 }
 
 impl Facts<'_> {
@@ -191,7 +194,12 @@ impl Facts<'_> {
         }
         let word = confidence.value.word();
         let problem = confidence.location.problem(format!("the source does not support \"{word}\": {what}"));
-        problems.push(problem.right(format!("at best \"{}\", or another source", best.word())));
+        let problem = problem.right(format!("at best \"{}\", or another source", best.word()));
+        if documents.cover(model) {
+            problems.push(problem);
+        } else {
+            self.without_document.borrow_mut().push(problem);
+        }
         false
     }
 }

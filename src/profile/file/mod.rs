@@ -72,7 +72,14 @@ impl ModelFile {
         // They are known keys; `like::Whole` has applied them and taken them out.
         LikeFile::read(&mut reader);
         let second = RefCell::new(Vec::new());
-        let proven = &Facts { documents: documents.as_ref(), model: of.as_deref(), defaults: false, second: &second };
+        let without_document = RefCell::new(Vec::new());
+        let proven = &Facts {
+            documents: documents.as_ref(),
+            model: of.as_deref(),
+            defaults: false,
+            second: &second,
+            without_document: &without_document,
+        };
         let chosen = &Facts { defaults: true, ..*proven };
         let codes = given(&mut reader, "codes", |reader| CodesFile::read(proven, reader));
         let rule = codes.valid().and_then(|codes| codes.value.ready());
@@ -105,6 +112,9 @@ impl ModelFile {
             documents,
         };
         reader.finish();
+        if let (Some(id), Some(documents)) = (&file.id, &file.documents) {
+            problems.extend(documents.without_document(id, without_document.take()));
+        }
         file
     }
 
