@@ -14,6 +14,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     once(flags, |flag| format!("the flag `{}`", word_for(&FLAGS, flag)), "a flag that is declared only once", problems);
     for status in &file.status {
         flag_can_be_seen(status, &file.registers, problems);
+        a_field_is_not_compared_whole(status, &file.registers, problems);
         values_fit_the_mask(status, problems);
     }
     codes_differ(&file.exceptions, |code| format!("exception 0x{code:02X}"), problems);
@@ -32,6 +33,19 @@ fn flag_can_be_seen(status: &StatusFile, registers: &[RegisterFile], problems: &
     if matches!(register.poll, OptionalKey::Absent) {
         let problem = name.location.problem(format!("`{}` is not polled", name.value));
         problems.push(problem.right("a register with `poll`"));
+    }
+}
+
+/// A flag is read from the whole word of its register. Where the register is a field of that word, a flag without a mask
+/// would compare the other bits too.
+fn a_field_is_not_compared_whole(status: &StatusFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let Some(name) = status.register.as_ref().filter(|_| matches!(status.mask, OptionalKey::Absent)) else { return };
+    let register = registers.iter().find(|it| it.name.as_ref().is_some_and(|it| it.value == name.value));
+    if let Some(field) = register.and_then(|register| register.form.mask.valid()) {
+        let problem =
+            name.location.problem(format!("`{}` is a field of its word, and the flag has no mask", name.value));
+        let mask = field.value;
+        problems.push(problem.right(format!("`mask = 0x{mask:04X}`, with `values` in place within the word")));
     }
 }
 
@@ -133,6 +147,15 @@ mod tests {
             ),
             ("mask = 0x0C00", "mask = 0", "status[0].mask: 0 is out of range -> a whole number from 1 to 65535"),
         ]);
+    }
+
+    #[test]
+    fn a_flag_of_a_field_has_a_mask() {
+        let role = "role = \"trip-code\"\n";
+        let found = told_with(EVERYTHING, role, &format!("{role}mask = 0x00FF\n"));
+        let expected = "status[1].register: `trip_code` is a field of its word, and the flag has no mask\n    right: `mask = \
+                        0x00FF`, with `values` in place within the word\n";
+        assert!(found.contains(expected), "{found}");
     }
 
     #[test]
