@@ -1,7 +1,7 @@
 //! The side of the broker: commands and their results. Topics and payloads are parsed independently.
 
 use super::Checker;
-use super::book::Wish;
+use super::book::{Order, Wish};
 use super::log::What;
 use super::orders::DEADLINE;
 use super::tables::Run;
@@ -28,7 +28,7 @@ pub struct Messages {
     epochs: Vec<(usize, u64, u64)>,
     /// Stamps of commands, and when each was issued as far as the gateway can know it.
     stamps: Vec<(u64, u64)>,
-    opened_at: u64,
+    pub(super) opened_at: u64,
     /// The last order without an id: when it came, for which drive, and its number. `None` where another one came in the
     /// same moment, since a result does not tell which one it is for.
     plain: Option<(u64, usize, u64)>,
@@ -169,8 +169,9 @@ impl Checker {
 
     /// What was issued before the last stop, or too long ago for its time, is no order any more.
     fn outdate(&mut self, at: u64, drive: usize, order: u64, issued: u64, ttl: u64) {
-        // A setpoint alone moves nothing after a stop.
-        let starts = self.books[drive].orders.iter().any(|it| it.number == order && it.wish.run.is_some());
+        // A setpoint or a reset moves nothing after a stop.
+        let runs = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
+        let starts = self.books[drive].orders.iter().any(|it| it.number == order && runs(it));
         let is_before_stop = starts && self.books[drive].stopped_at.is_some_and(|stopped| issued < stopped);
         let is_young = at < self.messages.opened_at + YOUNG;
         let unnoticed = if is_young { UNNOTICED_WHEN_YOUNG } else { UNNOTICED };
