@@ -216,7 +216,7 @@ impl Client {
         let present = Present { now: self.now, uptime_s: 7, owner };
         let is_stop = self.units.is_stop(call.unit, &call.ask);
         let taken = match call.unit {
-            NATIVE => match native::ask_of(call.ask.clone()) {
+            NATIVE => match native::ask_of(&self.units.drive.model, call.ask.clone()) {
                 Ok(_) => return self.native.push(call),
                 Err(code) => Taken::Exception(code),
             },

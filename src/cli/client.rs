@@ -2,6 +2,7 @@
 //! the uniform map.
 
 use super::Failure;
+use crate::domain::address::{Address, Table};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::view::RunState;
 use crate::north::modbus::address as map;
@@ -97,13 +98,33 @@ impl Client {
         Self { way, unit, connection: None }
     }
 
-    /// Reads `count` words from `address` on.
+    /// Reads `count` words from the holding register `address` on.
     ///
     /// # Errors
     /// [`NoAnswer`].
     pub async fn read(&mut self, address: u16, count: u16) -> Result<Vec<u16>, NoAnswer> {
+        self.read_from(Address::holding(address), count).await
+    }
+
+    /// Reads `count` words or bits from `address` on, each bit as a word.
+    ///
+    /// # Errors
+    /// [`NoAnswer`].
+    pub async fn read_from(&mut self, address: Address, count: u16) -> Result<Vec<u16>, NoAnswer> {
+        let number = address.number();
         let mut connection = self.connection().await?;
-        let answer = timeout(PATIENCE, connection.read_holding_registers(address, count)).await;
+        let bits = |answer: tokio_modbus::Result<Vec<bool>>| {
+            answer.map(|bits| bits.map(|bits| bits.into_iter().map(u16::from).collect()))
+        };
+        let answer = async {
+            match address.table() {
+                Table::Coil => bits(connection.read_coils(number, count).await),
+                Table::Discrete => bits(connection.read_discrete_inputs(number, count).await),
+                Table::Input => connection.read_input_registers(number, count).await,
+                Table::Holding => connection.read_holding_registers(number, count).await,
+            }
+        };
+        let answer = timeout(PATIENCE, answer).await;
         let words = self.outcome(connection, answer)?;
         // A shorter answer would be another client's.
         if words.len() == usize::from(count) {

@@ -162,6 +162,7 @@ fn of_document(document: &Document, model: &Model) -> Value {
 fn of_register(register: &Register) -> Value {
     json!({
         "address": register.address.number(),
+        "table": register.address.table().word(),
         "code": register.code,
         "name": register.name,
         "title": register.title,

@@ -4,6 +4,7 @@ use super::client::{Client, NoAnswer, UNIFORM, UniformWord, Value, address};
 use super::own_gateway::Extra;
 use super::target::{Reached, Target};
 use super::{Failure, print};
+use crate::domain::address::Table;
 use crate::domain::problem::nearest;
 use crate::profile::model::{Model, Register};
 use serde_json::json;
@@ -114,6 +115,10 @@ impl What {
         let named = model.register_named(wanted).or_else(|| model.register_at(address(wanted).ok()?));
         if let Some(register) = named.filter(readable).filter(|_| self.count == 1) {
             return Ok(ReadRequest::Registers(vec![register.clone()]));
+        }
+        if let Some(register) = named.filter(|register| register.address.table() != Table::Holding) {
+            let what = if register.access.can_read() { "is read alone, without --count" } else { "cannot be read" };
+            return Err(Failure::wrong(format!("{} ({}) {what}", register.name, register.address)));
         }
         let first = named.map_or_else(|| address(wanted), |register| Ok(register.address.number()));
         let first = first.map_err(|error| {
@@ -237,7 +242,7 @@ impl ReadRequest {
             Self::Registers(registers) => {
                 let mut values = Vec::with_capacity(registers.len());
                 for register in registers {
-                    match client.read(register.address.number(), register.form.words()).await {
+                    match client.read_from(register.address, register.form.words()).await {
                         Ok(words) => values.push(Shown::of_model(register, words)),
                         // What the drive does not have must not hide what it has.
                         Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}

@@ -8,6 +8,7 @@ use super::straight_write::{Straight, arm, extra};
 use super::target::Target;
 use super::{Failure, print};
 use crate::daemon::service::run::told_to_end;
+use crate::domain::address::Table;
 use crate::domain::command::Reason;
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::north::modbus::address as map;
@@ -252,11 +253,13 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failur
 
 /// The addressed register; directly on a port also by its name or code.
 fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
-    let named = args
-        .target
-        .model()?
-        .filter(|_| !args.uniform)
-        .and_then(|model| Some(model.register_named(register)?.address.number()));
+    let model = args.target.model()?.filter(|_| !args.uniform);
+    let named = model.as_ref().and_then(|model| model.register_named(register));
+    if let Some(other) = named.filter(|named| named.address.table() != Table::Holding) {
+        let what = format!("{} ({}) is no holding register: `write` writes no other", other.name, other.address);
+        return Err(Failure::wrong(what));
+    }
+    let named = named.map(|named| named.address.number());
     named.map_or_else(|| address(register).map_err(Failure::wrong), Ok)
 }
 

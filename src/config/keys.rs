@@ -200,6 +200,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Register, "title", "text", None, "A description in words."),
     key(Section::Register, "code", "text", Some("none"), "The vendor's own code."),
     key(Section::Register, "address", "0x0000 to 0xFFFF, new in the model", None, "Address as sent on the wire."),
+    key(Section::Register, "table", "\"holding\", \"input\", \"coil\" or \"discrete\"", Some("holding"), "The table of the Modbus data model that it is in."),
     key(Section::Register, "unit", "unit of measure", None, "Unit of the value; \"-\" for a plain number."),
     key(Section::Register, "scale", "whole number from 1", Some("1"), "Raw steps per unit: 100 means that raw 5000 is 50.00."),
     key(Section::Register, "signed", "true or false", Some("false"), "Whether the raw word is in two's complement."),

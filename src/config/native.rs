@@ -1,6 +1,7 @@
 //! The native registers of a drive that clients may write.
 
 use super::file::DriveFile;
+use crate::domain::address::Table;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::model::{Model, Register, Role};
@@ -117,7 +118,12 @@ fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, 
             problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")
         });
     }
-    model.register_named(text).and_then(|register| listed(model, register.address.number())).ok_or_else(|| {
+    let found = model.register_named(text);
+    if let Some(register) = found.filter(|register| register.address.table() != Table::Holding) {
+        let problem = written.location.problem(format!("`{}` is no holding register", register.name));
+        return Err(problem.right("leave it out: only holding registers can be made writable"));
+    }
+    found.and_then(|register| listed(model, register.address.number())).ok_or_else(|| {
         let labels = model.registers.iter().flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
         let problem = written.location.problem(format!("{} has no register `{text}`", model.id));
         match nearest(text, labels) {

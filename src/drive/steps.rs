@@ -258,10 +258,12 @@ impl WriteFunctions {
     }
 }
 
-/// Whether the model declares that the register at `address` is written by function 10 hex as well as by 06.
+/// Whether the model declares that the register at `address` is written by function 10 hex as well as by 06, or the coil
+/// there by 0F hex as well as by 05.
 #[must_use]
 pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
-    model.serves(function::WRITE_MULTIPLE)
+    let function = if address.table().is_of_bits() { function::WRITE_COILS } else { function::WRITE_MULTIPLE };
+    model.serves(function)
         && model
             .write
             .block

@@ -4,6 +4,7 @@ use super::model::{
     Access, BitMeaning, Boundary, Confidence, DocumentKind, ExceptionKind, FactPart, Flag, Holes, Memory, NeededFor,
     PollClass, RefusedWrite, Role, WordOrder, ZeroWord,
 };
+use crate::domain::address::Table;
 
 /// The table of an enumeration that defines its own words.
 macro_rules! own_words {
@@ -13,6 +14,9 @@ macro_rules! own_words {
 /// Access to a register.
 pub const ACCESSES: [(&str, Access); 3] =
     [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
+
+/// The tables of the Modbus data model.
+pub const TABLES: [(&str, Table); 4] = own_words!(Table: Holding, Input, Coil, Discrete);
 
 /// How often a register is polled.
 pub const POLL_CLASSES: [(&str, PollClass); 5] = [

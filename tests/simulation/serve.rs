@@ -100,7 +100,7 @@ impl World {
     fn ask_drive(&mut self, who: usize, place: usize, call: Call) {
         let client = &mut self.clients[who];
         let Call { ticket, ask, deadline, .. } = call;
-        match native::ask_of(ask) {
+        match native::ask_of(&self.descriptions[place].model, ask) {
             Ok(ask) => {
                 let drive = DriveIndex(place as u16);
                 let request =

@@ -144,7 +144,7 @@ fn of_listener(listener: &ListenerSettings) -> Rights {
 /// The rows with the names that `read` and `watch` use.
 fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
     let name = |row: &SheetRow| {
-        let is_word = matches!(row.table, sheet::SheetTable::Word | sheet::SheetTable::Holding);
+        let is_word = !matches!(row.table, sheet::SheetTable::Coil | sheet::SheetTable::Discrete);
         let word = UNIFORM.iter().find(|word| word.address == row.address).filter(|_| is_word);
         word.map_or_else(String::new, |word| word.name.to_owned())
     };

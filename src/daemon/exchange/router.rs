@@ -10,6 +10,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::drive::view::DriveView;
 use crate::north::modbus::{Ask, Uniform, native, own};
+use crate::profile::model::Model;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -63,7 +64,7 @@ enum Route {
 #[derive(Clone, Copy, Debug)]
 pub enum Target<'a> {
     /// A drive by its own registers, and the way to it.
-    Native(&'a Inbox, DriveIndex),
+    Native(&'a Inbox, DriveIndex, &'a Model),
     /// A drive by the uniform map: its place among all drives.
     Uniform(Drive<'a>),
     /// The gateway itself.
@@ -125,7 +126,7 @@ impl Router {
         Some(match (*self.routes.get(usize::from(unit))?)? {
             Route::Native(place) => {
                 let Drive { inbox, shared, .. } = self.drive_at(place)?;
-                Target::Native(inbox, shared.description.place.drive)
+                Target::Native(inbox, shared.description.place.drive, &shared.description.model)
             }
             Route::Uniform(place) => Target::Uniform(self.drive_at(place)?),
             Route::Own => Target::Own,

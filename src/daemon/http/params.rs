@@ -8,6 +8,7 @@ use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
 use crate::domain::address::Address;
+use crate::domain::address::Table;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::drive::view::RunState;
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_word};
@@ -70,6 +71,7 @@ fn left_out(model: &Model) -> Vec<Value> {
             Some("a command register, which cannot be read")
         }
         (false, _) => Some("write-only"),
+        _ if register.address.table() != Table::Holding => Some("not a parameter: no holding register"),
         (true, _) if register.code.is_none() => Some("not a parameter: the vendor has no code for it"),
         (true, _) => None,
     };

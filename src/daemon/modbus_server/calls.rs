@@ -14,6 +14,7 @@ use crate::journal::Tried;
 use crate::north::modbus::{
     Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, native, own, presses_stop,
 };
+use crate::profile::model::Model;
 use crate::wire::exception;
 use std::time::Duration;
 
@@ -48,8 +49,8 @@ impl Client {
             return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::NotAllowed));
         }
         match router.find(call.unit) {
-            Some(Target::Native(inbox, drive)) => {
-                if let Err((tried, reason)) = self.ask_drive(inbox, drive, &call) {
+            Some(Target::Native(inbox, drive, model)) => {
+                if let Err((tried, reason)) = self.ask_drive(inbox, drive, model, &call) {
                     machine.refuse(now, &call, tried, Report::refused(reason));
                 }
             }
@@ -70,9 +71,15 @@ impl Client {
     }
 
     /// Passes a native request to its line, or returns what was tried and why it is refused.
-    fn ask_drive(&self, inbox: &Inbox, drive: DriveIndex, call: &Call) -> Result<(), (Option<Tried>, Reason)> {
+    fn ask_drive(
+        &self,
+        inbox: &Inbox,
+        drive: DriveIndex,
+        model: &Model,
+        call: &Call,
+    ) -> Result<(), (Option<Tried>, Reason)> {
         let Call { ticket, deadline, .. } = *call;
-        let ask = native::ask_of(call.ask.clone()).map_err(|_| (tried_of(call), Reason::NotCapable))?;
+        let ask = native::ask_of(model, call.ask.clone()).map_err(|_| (tried_of(call), Reason::NotCapable))?;
         let tried = match &ask {
             NativeAsk::Write { address, values } => {
                 Some(Tried::Registers { address: *address, values: values.clone() })

@@ -48,6 +48,8 @@ enum Success {
 pub(super) enum Body<'a> {
     /// Byte count and words.
     Words(&'a [u16]),
+    /// Byte count and bits, each 0 or 1 in a word of its own.
+    EachBit(&'a [u16]),
     /// Byte count and bits.
     Bits { bytes: &'a [u8], count: u16 },
     /// The first two words of the request.
@@ -87,6 +89,10 @@ impl Form {
             (Answer::Bits(bytes), Success::Bits(count)) if bytes.len() == usize::from(count.div_ceil(8)) => {
                 Ok(Body::Bits { bytes, count })
             }
+            // A drive's own bits come as words.
+            (Answer::Words(words), Success::Bits(count)) if words.len() == usize::from(count) => {
+                Ok(Body::EachBit(words))
+            }
             (Answer::Written, Success::Echo(words)) => Ok(Body::Echo(words)),
             (Answer::Written, Success::Mask(words)) => Ok(Body::Mask(words)),
             (Answer::Identity(bytes), Success::Identity) if bytes.len() < MAX_PDU_BYTES => Ok(Body::Identity(bytes)),
@@ -100,6 +106,11 @@ impl Form {
             Ok(Body::Words(words)) => {
                 out.extend([self.function, (words.len() * 2) as u8]);
                 pdu::put_words(out, words);
+            }
+            Ok(Body::EachBit(words)) => {
+                out.extend([self.function, words.len().div_ceil(8) as u8]);
+                let byte = |eight: &[u16]| eight.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit != 0));
+                out.extend(words.chunks(8).map(byte));
             }
             Ok(Body::Bits { bytes, count }) => {
                 out.extend([self.function, bytes.len() as u8]);
@@ -164,6 +175,8 @@ mod tests {
         assert_eq!(pdu(&[2, 0, 0, 0, 8], Answer::Bits(&[0xFF])), [2, 1, 0xFF]);
         assert_eq!(pdu(&[2, 0, 0, 0, 10], Answer::Bits(&[0x35, 0xFE])), [2, 2, 0x35, 2]);
         assert_eq!(pdu(&[1, 0, 0, 7, 0xD0], Answer::Bits(&[1; 250])).len(), 252);
+        let of_a_drive = Answer::Words(&[1, 0, 1, 0, 0, 0, 0, 0, 1]);
+        assert_eq!(pdu(&[1, 0, 0, 0, 9], of_a_drive), [1, 2, 0b101, 1]);
     }
 
     #[test]
@@ -197,6 +210,7 @@ mod tests {
         assert_eq!(pdu(&[6, 0, 0, 0, 1], Answer::Words(&[1])), [0x86, 4]);
         assert_eq!(pdu(&[1, 0, 0, 0, 9], Answer::Bits(&[1])), [0x81, 4]);
         assert_eq!(pdu(&[2, 0, 0, 0, 9], Answer::Words(&[1, 1])), [0x82, 4]);
+        assert_eq!(pdu(&[1, 0, 0, 0, 3], Answer::Words(&[1, 0, 1, 0])), [0x81, 4]);
         assert_eq!(pdu(&[0x2B, 0x0E, 1, 0], Answer::Written), [0xAB, 4]);
     }
 

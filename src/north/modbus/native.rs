@@ -1,20 +1,41 @@
 //! Native units: the drive as its vendor describes it, addressed by its own registers.
 
 use super::answer::Answer;
-use super::ask::Ask;
+use super::ask::{Ask, BitTable, Bits, WordTable};
 use super::refusal;
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 use crate::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use crate::profile::model::Model;
 use crate::wire::exception;
 
-/// The request that `ask` makes to a drive. 04 is served as 03, because drives have no input registers of their own.
+/// The request that `ask` makes to a drive of `model`. 04 is served as 03 where a drive has no input registers of its own.
 ///
 /// # Errors
-/// 01: a native unit has only the functions 03, 04, 06, 08 and 10 hex; and of 08 only what the drive serves.
-pub fn ask_of(ask: Ask) -> Result<NativeAsk, u8> {
+/// 01: a native unit has only the functions 03, 04, 06, 08 and 10 hex, those of bits where its drive has such, and of 08
+/// only what the drive serves.
+pub fn ask_of(model: &Model, ask: Ask) -> Result<NativeAsk, u8> {
+    let has = |table| model.registers.iter().any(|register| register.address.table() == table);
     match ask {
-        Ask::ReadWords { address, count, .. } => Ok(NativeAsk::Read { address: address.into(), count }),
+        Ask::ReadWords { table, address, count } => {
+            let is_input = table == WordTable::Input && has(Table::Input);
+            let table = if is_input { Table::Input } else { Table::Holding };
+            Ok(NativeAsk::Read { address: Address::new(table, address), count })
+        }
+        Ask::ReadBits { table, address, count } => {
+            let table = match table {
+                BitTable::Coils => Table::Coil,
+                BitTable::Discrete => Table::Discrete,
+            };
+            let read = NativeAsk::Read { address: Address::new(table, address), count };
+            has(table).then_some(read).ok_or(exception::ILLEGAL_FUNCTION)
+        }
+        Ask::WriteCoil { .. } | Ask::WriteCoils { .. } if !has(Table::Coil) => Err(exception::ILLEGAL_FUNCTION),
+        Ask::WriteCoil { address, on } => {
+            Ok(NativeAsk::Write { address: Address::new(Table::Coil, address), values: vec![on.into()] })
+        }
+        Ask::WriteCoils { address, values } => {
+            Ok(NativeAsk::Write { address: Address::new(Table::Coil, address), values: bits(&values) })
+        }
         Ask::LoopTest { data } => Ok(NativeAsk::Loop { data }),
         Ask::WriteWord { address, value } => Ok(NativeAsk::Write { address: address.into(), values: vec![value] }),
         Ask::WriteWords { address, values } => Ok(NativeAsk::Write { address: address.into(), values }),
@@ -41,12 +62,19 @@ pub fn answer_of(outcome: &NativeOutcome) -> Answer<'_> {
 #[must_use]
 pub fn is_stop(model: &Model, ask: &Ask) -> bool {
     let (address, values) = match ask {
-        Ask::WriteWord { address, value } => (*address, std::slice::from_ref(value)),
-        Ask::WriteWords { address, values } => (*address, values.as_slice()),
+        Ask::WriteWord { address, value } => (Address::holding(*address), vec![*value]),
+        Ask::WriteWords { address, values } => (Address::holding(*address), values.clone()),
+        Ask::WriteCoil { address, on } => (Address::new(Table::Coil, *address), vec![u16::from(*on)]),
+        Ask::WriteCoils { address, values } => (Address::new(Table::Coil, *address), bits(values)),
         _ => return false,
     };
-    let mut written = Address::from(address).onwards().zip(values);
-    written.any(|(address, value)| model.stops_at(address, *value))
+    let mut written = address.onwards().zip(values);
+    written.any(|(address, value)| model.stops_at(address, value))
+}
+
+/// Each bit as a word, 0 or 1.
+fn bits(values: &Bits) -> Vec<u16> {
+    (0..values.count()).filter_map(|place| values.get(place)).map(u16::from).collect()
 }
 
 const fn exception_of(why: Refusal) -> u8 {
@@ -71,13 +99,14 @@ mod tests {
 
     #[test]
     fn reads_and_register_writes_are_native_and_nothing_else() {
+        let model = testing::description().model;
         let read = NativeAsk::Read { address: 0x0101_u16.into(), count: 2 };
-        assert_eq!(ask_of(ask(&[3, 1, 1, 0, 2])), Ok(read.clone()));
-        assert_eq!(ask_of(ask(&[4, 1, 1, 0, 2])), Ok(read));
+        assert_eq!(ask_of(&model, ask(&[3, 1, 1, 0, 2])), Ok(read.clone()));
+        assert_eq!(ask_of(&model, ask(&[4, 1, 1, 0, 2])), Ok(read));
         let write = NativeAsk::Write { address: 2_u16.into(), values: vec![1] };
-        assert_eq!(ask_of(ask(&[6, 0, 2, 0, 1])), Ok(write.clone()));
-        assert_eq!(ask_of(ask(&[0x10, 0, 2, 0, 1, 2, 0, 1])), Ok(write));
-        assert_eq!(ask_of(ask(&[8, 0, 0, 0xA5, 0x37])), Ok(NativeAsk::Loop { data: 0xA537 }));
+        assert_eq!(ask_of(&model, ask(&[6, 0, 2, 0, 1])), Ok(write.clone()));
+        assert_eq!(ask_of(&model, ask(&[0x10, 0, 2, 0, 1, 2, 0, 1])), Ok(write));
+        assert_eq!(ask_of(&model, ask(&[8, 0, 0, 0xA5, 0x37])), Ok(NativeAsk::Loop { data: 0xA537 }));
         for other in [
             &[1, 0, 0, 0, 1][..],
             &[2, 0, 0, 0, 1],
@@ -87,7 +116,33 @@ mod tests {
             &[0x17, 0, 0, 0, 1, 0, 2, 0, 1, 2, 0, 0],
             &[0x2B, 0x0E, 1, 0],
         ] {
-            assert_eq!(ask_of(ask(other)), Err(1), "{other:?}");
+            assert_eq!(ask_of(&model, ask(other)), Err(1), "{other:?}");
+        }
+    }
+
+    #[test]
+    fn a_drive_with_coils_and_inputs_serves_their_functions() {
+        let text = include_str!("../../../tests/golden/models/coils.toml");
+        let model = crate::profile::check::model(text).unwrap();
+        let at = |table, number| Address::new(table, number);
+        let read = |table, number, count| Ok(NativeAsk::Read { address: at(table, number), count });
+        assert_eq!(ask_of(&model, ask(&[1, 0, 0, 0, 9])), read(Table::Coil, 0, 9));
+        assert_eq!(ask_of(&model, ask(&[2, 0, 1, 0, 1])), read(Table::Discrete, 1, 1));
+        assert_eq!(ask_of(&model, ask(&[3, 0, 1, 0, 1])), read(Table::Holding, 1, 1));
+        assert_eq!(ask_of(&model, ask(&[4, 0x10, 0, 0, 2])), read(Table::Input, 0x1000, 2));
+        let write = |number, values| Ok(NativeAsk::Write { address: at(Table::Coil, number), values });
+        assert_eq!(ask_of(&model, ask(&[5, 0, 1, 0xFF, 0])), write(1, vec![1]));
+        assert_eq!(ask_of(&model, ask(&[0x0F, 0, 0, 0, 2, 1, 0b10])), write(0, vec![0, 1]));
+        for (pdu, stops) in [
+            (&[5, 0, 0, 0, 0][..], true),
+            (&[5, 0, 0, 0xFF, 0], false),
+            (&[5, 0, 4, 0xFF, 0], true),
+            (&[5, 0, 1, 0, 0], false),
+            (&[0x0F, 0, 0, 0, 2, 1, 0b10], true),
+            (&[0x0F, 0, 0, 0, 2, 1, 0b11], false),
+            (&[6, 0, 0, 0, 0], false),
+        ] {
+            assert_eq!(is_stop(&model, &ask(pdu)), stops, "{pdu:?}");
         }
     }
 

@@ -1,7 +1,7 @@
 //! Registers and their words in text for people.
 
 use super::{FrameValue, KnownDrive};
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
 use crate::profile::model::{BitMeaning, Model, Register, Role};
@@ -52,7 +52,8 @@ fn spoken(name: &str) -> String {
 fn name(model: &Model, address: Address) -> Option<String> {
     let stored = || model.stored_twin(address).map(|register| format!("{}_stored", register.name));
     // A drive without input registers may serve its holding registers by 04 as well.
-    let register = model.register_at(address).or_else(|| model.register_at(address.number()));
+    let as_holding = || model.register_at(address.number()).filter(|_| address.table() == Table::Input);
+    let register = model.register_at(address).or_else(as_holding);
     register.map(|register| register.name.clone()).or_else(stored)
 }
 

@@ -1,12 +1,15 @@
 //! The rules between functions, reads, writes and barriers.
 
+use super::tables;
+use crate::domain::address::{Address, Table};
 use crate::domain::link::Framing;
 use crate::domain::problem::Problem;
 use crate::profile::file::{BarrierFile, BarrierForm, BlockFile, ModelFile, ReadFile};
 use crate::profile::model::{Access, RefusedWrite};
-use crate::profile::register::{RegisterFile, has_decimal_digits};
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::profile::register::has_decimal_digits;
+use crate::toml_file::Spanned;
 use crate::wire::exception::ILLEGAL_FUNCTION;
+use crate::wire::pdu::function;
 use std::collections::BTreeSet;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -25,14 +28,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// The drive serves the functions used for reading, commanding and broadcasting.
 fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
     let Some(Spanned { value: served, location }) = &file.functions.value else { return };
-    if !served.contains(&0x03) {
-        let problem = location.problem("registers are read by function 03, and it is not served");
-        problems.push(problem.right("a list with 0x03, if the manual names it"));
-    }
-    if matches!(file.run, OptionalKey::Valid(_)) && !served.contains(&0x06) && !served.contains(&0x10) {
-        let problem = location.problem("run commands are written by function 06 or 10 hex, and neither is served");
-        problems.push(problem.right("a list with the one that the manual names, or no `[run]`"));
-    }
+    tables::are_served(file, served, location, problems);
     let broadcast = file.link.as_ref().and_then(|link| link.broadcast.as_ref()?.value.as_ref());
     let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else { return };
     if let Some(function) = broadcast.value.iter().find(|function| !served.contains(function)) {
@@ -61,15 +57,15 @@ fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
 fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
     let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
     let Some(Spanned { value: block, location }) = block else { return };
-    if serves(0x10, file) == Some(false) {
-        problems.push(
-            location
-                .problem("writing a block requires function 10 hex")
-                .right("leave it out, or 0x10 in `functions` if the manual names it"),
-        );
+    let of_bits = block.table.valid().is_some_and(|table| table.value.is_of_bits());
+    let function = if of_bits { function::WRITE_COILS } else { function::WRITE_MULTIPLE };
+    if serves(function, file) == Some(false) {
+        let problem = location.problem(format!("writing a block requires function {function:02X} hex"));
+        problems
+            .push(problem.right(format!("leave it out, or 0x{function:02X} in `functions` if the manual names it")));
     }
     if let Some(address) = first_without(block, Access::can_write, file) {
-        let problem = location.problem(format!("there is no writable register at 0x{address:04X}"));
+        let problem = location.problem(format!("there is no writable register at {address}"));
         problems.push(problem.right("a range of writable registers only"));
     }
 }
@@ -101,14 +97,16 @@ fn exceptions_are_of_one_kind(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// Areas of reads are ranges that do not overlap.
 fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
     let areas = file.read.iter().flat_map(|read| &read.areas);
-    let mut ranges: Vec<(u16, u16)> = Vec::new();
+    let mut ranges: Vec<(Table, u16, u16)> = Vec::new();
     for area in areas {
-        let (Some(from), Some(to)) = (&area.from, &area.to) else { continue };
+        let (Some(from), Some(to), Some(table)) = (&area.from, &area.to, area.table.or(Table::Holding)) else {
+            continue;
+        };
         if from.value > to.value {
             let problem = to.location.problem(format!("the area ends before it begins, at 0x{:04X}", from.value));
             problems.push(problem.right("the last address of the area"));
-        } else if let Some((first, last)) =
-            ranges.iter().find(|(first, last)| *first <= to.value && from.value <= *last)
+        } else if let Some((_, first, last)) =
+            ranges.iter().find(|(other, first, last)| *other == table && *first <= to.value && from.value <= *last)
         {
             let problem = from.location.problem(format!("overlaps the area from 0x{first:04X} to 0x{last:04X}"));
             problems.push(problem.right("areas without a common address"));
@@ -117,7 +115,7 @@ fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
             let problem = from.location.problem("the words of an area cannot be counted in decimal addresses");
             problems.push(problem.right("no areas, or no `decimal_numbers`"));
         }
-        ranges.push((from.value, to.value));
+        ranges.push((table, from.value, to.value));
     }
 }
 
@@ -164,10 +162,10 @@ fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, pro
         problems.push(problem.right("leave it out, or `loop_test` or `refused_function` if the documents show them"));
         return;
     }
-    let (Some(address), Some(count)) = (&block.address, &block.count) else { return };
+    let (Some(address), Some(count)) = (block.first(), &block.count) else { return };
     let most = limits.map(|limits| {
         let ascii = limits.max_words_ascii.as_ref().map_or(u16::MAX, |words| words.value);
-        limits.words_from(address.value).min(ascii)
+        limits.words_at(address).min(ascii)
     });
     if let Some(most) = most.filter(|most| *most < count.value) {
         let problem = count.location.problem("more words than one read from this address may cover");
@@ -175,23 +173,25 @@ fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, pro
         return;
     }
     if let Some(address) = first_without(block, Access::can_read, file) {
-        let what = format!("there is no readable register at 0x{address:04X}");
+        let what = format!("there is no readable register at {address}");
         problems.push(barrier.location.problem(what).right("a range of readable registers only"));
     }
 }
 
 /// The first address of `block` without a register that `may`; `None` if there is none, or if a register is too
 /// incomplete to decide.
-fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFile) -> Option<u32> {
-    let first = u32::from(block.address.as_ref()?.value);
+fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFile) -> Option<Address> {
+    let first = block.first()?;
     let count = block.count.as_ref()?.value;
     let mut fit = BTreeSet::new();
-    for RegisterFile { address, access, .. } in &file.registers {
-        fit.extend(may(access.as_ref()?.value).then_some(u32::from(address.as_ref()?.value)));
+    for register in &file.registers {
+        let words = if register.form.is_pair() { 2 } else { 1 };
+        let is_fit = may(register.access.as_ref()?.value);
+        fit.extend(register.place()?.value.onwards().take(words).filter(|_| is_fit));
     }
     let in_decimal = file.quirks.valid().is_some_and(|quirks| quirks.value.decimal_numbers.is_some());
-    let counts = |address: &u32| !in_decimal || has_decimal_digits((address & 0xFFFF) as u16);
-    (first..).filter(counts).take(count.into()).find(|address| !fit.contains(address))
+    let counts = |address: &Address| !in_decimal || has_decimal_digits(address.number());
+    first.onwards().filter(counts).take(count.into()).find(|address| !fit.contains(address))
 }
 
 #[cfg(test)]

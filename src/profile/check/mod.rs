@@ -10,6 +10,7 @@ mod run_word;
 mod setup;
 mod start;
 mod status;
+mod tables;
 mod values;
 mod warnings;
 
@@ -60,6 +61,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     exchange::check(file, problems);
     registers::check(file, problems);
     values::check(file, problems);
+    tables::check(file, problems);
     if let OptionalKey::Valid(run) = &file.run {
         run::check(&run.value, &run.location, &file.registers, problems);
     }

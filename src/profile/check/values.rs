@@ -69,9 +69,9 @@ fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Probl
         );
     }
     let limits = file.read.as_ref().and_then(|read| read.ready());
-    let (Some(limits), Some(address)) = (limits, &register.address) else { return };
+    let (Some(limits), Some(address)) = (limits, register.place()) else { return };
     let ascii = limits.max_words_ascii.as_ref().map_or(u16::MAX, |words| words.value);
-    if limits.words_from(address.value).min(ascii) < 2 {
+    if limits.words_at(address.value).min(ascii) < 2 {
         tell(location, "no read of this drive covers both words", "a register of one word", problems);
     }
     if form.mask.valid().is_some() || form.exponent_mask.valid().is_some() {

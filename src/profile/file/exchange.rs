@@ -1,11 +1,12 @@
 //! `[read]`, `[write]` and `[[barrier]]`: the limits of one exchange, and exchanges that rule out late replies.
 
 use super::facts::{FactFile, Facts, Origin, fact, optional, whole};
+use crate::domain::address::{Address, Table};
 use crate::domain::problem::Problem;
 use crate::profile::model::{
     Barrier, BarrierRead, BlockWrite, Boundary, Fact, Holes, ReadArea, ReadLimits, RefusedWrite, WriteRules,
 };
-use crate::profile::words::{BOUNDARIES, HOLES, REFUSED_WRITES};
+use crate::profile::words::{BOUNDARIES, HOLES, REFUSED_WRITES, TABLES};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey};
 
@@ -49,7 +50,7 @@ impl ReadFile {
             _ => words,
         };
         let mut areas = self.areas.iter().map(AreaFile::ready).collect::<Option<Vec<_>>>()?;
-        areas.sort_by_key(|area| area.from);
+        areas.sort_by_key(|area| (area.table, area.from));
         for area in &mut areas {
             area.max_words = within(area.max_words.clone());
         }
@@ -77,6 +78,7 @@ const fn words_in(bytes: u16) -> u16 {
 
 /// One of `[[read.area]]`
 pub(in crate::profile) struct AreaFile {
+    pub table: OptionalKey<Table>,
     pub from: RequiredKey<u16>,
     pub to: RequiredKey<u16>,
     max_words: RequiredKey<u16>,
@@ -86,6 +88,7 @@ pub(in crate::profile) struct AreaFile {
 impl AreaFile {
     fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let area = Self {
+            table: reader.optional("table", &Kind::one_of(&TABLES)),
             from: reader.required("from", &Kind::address()),
             to: reader.required("to", &Kind::address()),
             max_words: reader.required("max_words", &Kind::number(1..=READ_WORDS_MAX)),
@@ -98,6 +101,7 @@ impl AreaFile {
     /// `None` if any part is unusable.
     fn ready(&self) -> Option<ReadArea> {
         Some(ReadArea {
+            table: self.table.or(Table::Holding)?,
             from: self.from.as_ref()?.value,
             to: self.to.as_ref()?.value,
             max_words: fact(self.max_words.as_ref()?.value, self.origin.as_ref())?,
@@ -127,7 +131,7 @@ impl WriteFile {
         let block = match &self.block {
             None => None,
             Some(block) => Some(BlockWrite {
-                address: block.value.as_ref()?.value.address.as_ref()?.value.into(),
+                address: block.value.as_ref()?.value.first()?,
                 count: block.and_then(|it| Some(it.count.as_ref()?.value))?,
             }),
         };
@@ -137,6 +141,7 @@ impl WriteFile {
 
 /// Consecutive registers: `{ address = 0x0101, count = 2 }`
 pub(in crate::profile) struct BlockFile {
+    pub table: OptionalKey<Table>,
     pub address: RequiredKey<u16>,
     pub count: RequiredKey<u16>,
 }
@@ -144,9 +149,15 @@ pub(in crate::profile) struct BlockFile {
 impl BlockFile {
     fn read(reader: &mut Reader<'_, '_>, most: u16) -> Self {
         Self {
+            table: reader.optional("table", &Kind::one_of(&TABLES)),
             address: reader.required("address", &Kind::address()),
             count: reader.required("count", &Kind::number(1..=most)),
         }
+    }
+
+    /// The first address; `None` if it is unusable.
+    pub fn first(&self) -> Option<Address> {
+        Some(Address::new(self.table.or(Table::Holding)?, self.address.as_ref()?.value))
     }
 }
 
@@ -168,7 +179,7 @@ impl BarrierFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let read = match reader.table("read") {
             OptionalKey::Absent => None,
-            OptionalKey::Invalid => Some(BlockFile { address: None, count: None }),
+            OptionalKey::Invalid => Some(BlockFile { table: OptionalKey::Invalid, address: None, count: None }),
             OptionalKey::Valid(section) => {
                 let mut reader = reader.open(section.value);
                 let block = BlockFile::read(&mut reader, 125);
@@ -193,8 +204,8 @@ impl BarrierFile {
     /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Barrier> {
         Some(match self.form.as_ref()? {
-            BarrierForm::Read(BlockFile { address, count }) => {
-                Barrier::Read(BarrierRead { address: address.as_ref()?.value.into(), count: count.as_ref()?.value })
+            BarrierForm::Read(block) => {
+                Barrier::Read(BarrierRead { address: block.first()?, count: block.count.as_ref()?.value })
             }
             BarrierForm::LoopTest(fact) => Barrier::Loop(fact.ready()?),
             BarrierForm::Refused(function) => Barrier::Refused(function.ready()?),

@@ -1,7 +1,7 @@
 //! Which registers are parameters that a tool may restore, and which of them it writes last or never.
 
 use super::{Model, Register, Role};
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 
 /// How a tool that restores parameters treats a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -68,9 +68,10 @@ impl Register {
 }
 
 impl Model {
-    /// The readable registers with a vendor code, in order of address.
+    /// The readable holding registers with a vendor code, in order of address.
     pub fn parameters(&self) -> impl Iterator<Item = &Register> {
-        self.registers.iter().filter(|register| register.access.can_read() && register.code.is_some())
+        let is_parameter = |it: &&Register| it.address.table() == Table::Holding && it.access.can_read();
+        self.registers.iter().filter(is_parameter).filter(|register| register.code.is_some())
     }
 
     /// Whether `word` at `address` satisfies an item of the set-up.

@@ -16,26 +16,22 @@ pub struct ReadLimits {
     pub boundary: Option<Boundary>,
     /// What the drive does about addresses without a register. `None`: it refuses the whole read.
     pub holes: Option<Fact<Holes>>,
-    /// Ranges of holding registers with limits of their own, in order; no read crosses the edge of one.
+    /// Ranges of addresses with limits of their own, in order; no read crosses the edge of one.
     pub areas: Vec<ReadArea>,
 }
 
 impl ReadLimits {
     /// How many words may be read from `address` in one frame.
-    pub(super) fn words_at(&self, address: Address) -> u16 {
-        let has_areas = address.table() == Table::Holding;
-        if has_areas { self.words_from(address.number()) } else { self.words_to_boundary(address.number()) }
-    }
-
-    /// The same from the holding register `address` on.
-    pub(in crate::profile) fn words_from(&self, address: u16) -> u16 {
-        let most = self.words_to_boundary(address);
-        if let Some(area) = self.areas.iter().find(|area| area.contains(address)) {
-            let to_edge = (area.to - address).saturating_add(1);
-            return area.max_words.value.min(to_edge).min(self.to_boundary(address));
+    pub(in crate::profile) fn words_at(&self, address: Address) -> u16 {
+        let number = address.number();
+        let most = self.words_to_boundary(number);
+        let areas = || self.areas.iter().filter(|area| area.table == address.table());
+        if let Some(area) = areas().find(|area| area.contains(number)) {
+            let to_edge = (area.to - number).saturating_add(1);
+            return area.max_words.value.min(to_edge).min(self.to_boundary(number));
         }
-        let next = self.areas.iter().map(|area| area.from).filter(|from| *from > address).min();
-        next.map_or(most, |from| most.min(from - address))
+        let next = areas().map(|area| area.from).filter(|from| *from > number).min();
+        next.map_or(most, |from| most.min(from - number))
     }
 
     /// The most words that any read may have.
@@ -80,9 +76,11 @@ pub enum Holes {
     Read,
 }
 
-/// A range of holding registers with a limit of its own.
+/// A range of addresses with a limit of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadArea {
+    /// Its table.
+    pub table: Table,
     /// First address.
     pub from: u16,
     /// Last address.

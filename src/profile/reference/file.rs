@@ -136,9 +136,10 @@ pub(super) const LINE: &[Section] = &[
         table: "read.area",
         says: "Ranges of addresses with a limit of their own. No read crosses the edge of one. Rows are told apart by `from`.",
         keys: &[
+            ("table", "`holding`", "The table that the addresses are in."),
             ("from", "", "The first address."),
             ("to", "", "The last address."),
-            ("max_words", "", "Most words in one read."),
+            ("max_words", "", "Most words or bits in one read."),
         ],
     },
     Section {
@@ -151,6 +152,11 @@ pub(super) const LINE: &[Section] = &[
                 "one register in a frame",
                 "Neighbouring registers that one frame of function 10 hex may write. If setpoint and run command are in it and \
                  the fact is proven, both are sent in one frame. Every register in it is writable.",
+            ),
+            (
+                "block.table",
+                "`holding`",
+                "The table that it is in: `\"coil\"` for neighbouring coils, which function 0F hex writes.",
             ),
             ("block.address", "", "The first register."),
             ("block.count", "", "How many registers there are from it on."),
@@ -176,6 +182,7 @@ pub(super) const LINE: &[Section] = &[
                 "A read. It proves something if its length differs from that of the read whose reply is missing, so two of \
                           different lengths are better than one.",
             ),
+            ("read.table", "`holding`", "The table that it is in."),
             ("read.address", "", "The first register. All of them are readable."),
             ("read.count", "", "How many words."),
             (

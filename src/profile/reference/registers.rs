@@ -14,6 +14,11 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "that of `code`",
             "The address as it is sent on the wire, counted from 0. Required unless `[codes]` gives it.",
         ),
+        (
+            "table",
+            "`holding`",
+            "The table of the Modbus data model that the address is in. `functions` lists the ones that read and write it. A coil or a discrete input is 0 or 1.",
+        ),
         ("unit", "", "The unit of the value; `-` for none."),
         ("access", "", "What the documents say can be done with it."),
         ("role", "none", "What the gateway uses it for. A role belongs to one register, except `trip-history`."),

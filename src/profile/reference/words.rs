@@ -174,6 +174,15 @@ pub(super) const WORDS: &[Words] = &[
         ],
     },
     Words {
+        of: &["register.table", "read.area.table", "write.block.table", "barrier.read.table"],
+        words: &[
+            ("holding", "Holding registers: read by 03, written by 06 or 10 hex."),
+            ("input", "Input registers: read by 04, never written."),
+            ("coil", "Coils: bits, read by 01, written by 05 or 0F hex."),
+            ("discrete", "Discrete inputs: bits, read by 02, never written."),
+        ],
+    },
+    Words {
         of: &["register.role"],
         words: &[
             ("run-command", "Takes the words of `[run]`. Writable and not stored."),

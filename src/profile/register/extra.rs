@@ -1,13 +1,14 @@
 //! Registers that the gateway's configuration adds to a model.
 
-use super::{RegisterFile, addresses_fit, codes_fit, distinct};
+use super::tables::tables_are_served;
+use super::{RegisterFile, addresses_fit, codes_fit, distinct, tables_fit};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Confidence, Model, Register, Role};
 use crate::toml_file::{Reader, Section, Spanned};
 use std::borrow::Cow;
 
 /// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
-/// `access`; optionally `code`, `scale`, `signed` and `poll`. Its confidence is [`Confidence::Configured`], and it
+/// `access`; optionally `table`, `code`, `scale`, `signed` and `poll`. Its confidence is [`Confidence::Configured`], and it
 /// has no role.
 pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
     let mut reader = Reader::new(section, problems);
@@ -30,6 +31,8 @@ pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Prob
     let extra = &*extra;
     let before = problems.len();
     distinct(&model.registers, extra, problems);
+    tables_fit(extra, problems);
+    tables_are_served(&model.functions.value, extra, problems);
     let alias_bit = model.quirks.stored_alias_bit.as_ref().map(|fact| fact.value);
     addresses_fit(model.quirks.decimal_numbers.is_some(), alias_bit, extra, problems);
     if let Some(rule) = &model.codes {
@@ -52,10 +55,10 @@ fn known_since<'x>(
     let mut known = model.registers.clone();
     let mut added = Cow::Borrowed(extra);
     for register in extra {
-        let Some(Spanned { value: address, location }) = &register.address else { continue };
+        let Some(Spanned { value: address, location }) = &register.place() else { continue };
         let harmless = |own: &&Register| own.address == *address && is_harmless(model, own);
         let Some(own) = model.registers.iter().find(harmless) else { continue };
-        let what = format!("{} now has its own register at 0x{address:04X}, `{}`", model.id, own.name);
+        let what = format!("{} now has its own register at {address}, `{}`", model.id, own.name);
         if own.role.is_some() {
             added.to_mut().retain(|it| it != register);
             let problem = location.problem(format!("has no effect: {what}"));
@@ -129,7 +132,7 @@ mod tests {
 7:1 register[0].role: a register in the configuration has no role
     right: leave it out
 8:1 register[0].source: unknown key `source`
-    right: one of name, title, code, address, scale, signed, unit, access, poll
+    right: one of name, title, code, address, table, scale, signed, unit, access, poll
 16:8 register[1].poll: polling requires a readable register
     right: leave it out, or \"read\" or \"read-write\" if the documents say that it can be read
 4:11 register[0].address: has no effect: acme-1 now has its own register at 0x0101, `output_frequency`
@@ -160,6 +163,36 @@ mod tests {
 ";
         assert_eq!(problems, expected);
         assert_eq!(model, check::model(EVERYTHING).unwrap());
+    }
+
+    #[test]
+    fn registers_of_the_configuration_may_be_in_any_table_that_the_model_serves() {
+        let coils = include_str!("../../../tests/golden/models/coils.toml");
+        let register = |name: &str, table: &str, more: &str| {
+            format!("[[register]]\nname = '{name}'\ntitle = 'A'\naddress = 3\ntable = '{table}'\nunit = '-'\n{more}\n")
+        };
+        let text = register("a", "discrete", "access = 'read'") + &register("b", "input", "access = 'read'");
+        let (model, problems) = extended(coils, &text);
+        assert_eq!(problems, "");
+        let places: Vec<_> = ["a", "b"].map(|name| model.register_named(name).unwrap().address.to_string()).to_vec();
+        assert_eq!(places, ["discrete 0x0003", "input 0x0003"]);
+        let text = register("a", "coil", "access = 'read'") + &register("b", "input", "access = 'write'");
+        let (_, problems) = extended(coils, &text);
+        let expected = "\
+4:11 register[0].address: address coil 0x0003 is taken by `fault_reset` of the model
+    right: one that no other register of the model uses
+14:10 register[1].access: an input register cannot be written
+    right: \"read\", or another `table`
+";
+        assert_eq!(problems, expected);
+        let (_, problems) = extended(MODEL, &register("a", "coil", "access = 'read-write'"));
+        let expected = "\
+5:9 register[0].table: a coil needs function 01 hex, which the model does not serve
+    right: a `table` or an `access` that the drive serves
+5:9 register[0].table: a coil needs function 05 or 0F hex, which the model does not serve
+    right: a `table` or an `access` that the drive serves
+";
+        assert_eq!(problems, expected);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The keys of a register that say how its words form a value.
 
 use super::{RegisterFile, named};
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 use crate::profile::model::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
 use crate::profile::words::WORD_ORDERS;
 use crate::toml_file::values::Kind;
@@ -103,8 +103,8 @@ impl FormFile {
         mask(&self.mask).unwrap_or(u16::MAX) | mask(&self.exponent_mask).unwrap_or(0)
     }
 
-    /// The form of a register with `scale` among `all`; `None` if any part is unusable.
-    pub(super) fn ready(&self, scale: Steps, all: &[RegisterFile]) -> Option<Form> {
+    /// The form of a register in `table` with `scale` among `all`; `None` if any part is unusable.
+    pub(super) fn ready(&self, table: Table, scale: Steps, all: &[RegisterFile]) -> Option<Form> {
         let full_scale = self.full_scale.0.clone().optional()?;
         let scale_by = self.scale_by.0.clone().optional()?;
         let order = self.word_order.0.clone().optional()?;
@@ -115,7 +115,7 @@ impl FormFile {
             per: scale.per,
             full_scale: full_scale.map(|it| it.ready(all)).map_or(Some(None), |it| it.map(Some))?,
             scale_by: scale_by.map(|it| it.ready(all)).map_or(Some(None), |it| it.map(Some))?,
-            plus: self.plus.iter().map(PartFile::ready).collect::<Option<_>>()?,
+            plus: self.plus.iter().map(|part| part.ready(table)).collect::<Option<_>>()?,
             sign_is_direction: self.direction.0.clone().optional()?.is_some(),
         })
     }
@@ -141,9 +141,10 @@ impl ScaleByFile {
 }
 
 impl PartFile {
-    fn ready(&self) -> Option<Part> {
+    /// The word in the `table` of its register.
+    fn ready(&self, table: Table) -> Option<Part> {
         let scale = self.scale.or(Steps::ONE)?;
-        Some(Part { address: self.address.as_ref()?.value.into(), scale: scale.steps, per: scale.per })
+        Some(Part { address: Address::new(table, self.address.as_ref()?.value), scale: scale.steps, per: scale.per })
     }
 }
 
@@ -152,7 +153,7 @@ fn basis(name: &str, all: &[RegisterFile]) -> Option<Basis> {
     let register = named(name, all)?;
     let scale = register.scale.or(Steps::ONE)?;
     Some(Basis {
-        address: Address::from(register.address.as_ref()?.value),
+        address: register.place()?.value,
         mask: register.form.mask.0.or(u16::MAX)?,
         signed: register.signed.or(false)?,
         scale: scale.steps,

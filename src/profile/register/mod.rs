@@ -3,17 +3,19 @@
 mod extra;
 mod form;
 mod rules;
+mod tables;
 
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 use crate::domain::problem::Problem;
 pub use extra::{extra_register, with_extra};
 pub(super) use form::{CONFIGURED, FormFile, Steps};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
+pub(super) use tables::{called, read_by, tables_fit, written_by};
 
 use super::file::Origin;
 use super::model::{Access, CodeRule, FactPart, Memory, PollClass, Register, Role};
 use super::scale::steps;
-use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES};
+use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES, TABLES};
 use crate::domain::units::UnitOfMeasure;
 use crate::toml_file::values::Kind;
 use crate::toml_file::words::UNITS;
@@ -31,6 +33,7 @@ pub struct RegisterFile {
     pub(super) name: RequiredKey<String>,
     pub(super) code: OptionalKey<String>,
     pub(super) address: RequiredKey<u16>,
+    pub(super) table: OptionalKey<Table>,
     pub(super) access: RequiredKey<Access>,
     pub(super) role: OptionalKey<Role>,
     pub(super) unit: RequiredKey<UnitOfMeasure>,
@@ -53,6 +56,18 @@ impl RegisterFile {
     /// Its name.
     pub(in crate::profile) fn name(&self) -> Option<&str> {
         self.name.as_ref().map(|name| name.value.as_str())
+    }
+
+    /// Its address with its table; `None` if one of them is unusable.
+    pub(in crate::profile) fn place(&self) -> Option<Spanned<Address>> {
+        let Spanned { value, location } = self.address.as_ref()?;
+        let address = Address::new(self.table.or(Table::Holding)?, *value);
+        Some(Spanned { value: address, location: location.clone() })
+    }
+
+    /// Its table, if that is usable.
+    pub(in crate::profile) fn in_table(&self) -> Option<Table> {
+        self.table.or(Table::Holding)
     }
 
     /// Where its range is.
@@ -79,10 +94,10 @@ impl RegisterFile {
             name: self.name.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
             code: self.code.clone().optional()?,
-            address: self.address.as_ref()?.value.into(),
+            address: self.place()?.value,
             scale: scale.steps,
             signed: self.signed.or(false)?,
-            form: self.form.ready(scale, all)?,
+            form: self.form.ready(self.in_table()?, scale, all)?,
             unit: self.unit.as_ref()?.value,
             access: self.access.as_ref()?.value,
             role: self.role.clone().optional()?,
@@ -110,6 +125,7 @@ impl RegisterFile {
         let code = reader.optional("code", &Kind::text());
         let register = Self {
             address: read_address(reader, &code, rule),
+            table: reader.optional("table", &Kind::one_of(&TABLES)),
             name,
             title,
             code,
@@ -243,7 +259,7 @@ pub(super) fn words_of<T>(entries: Vec<(String, Spanned<T>)>, problems: &mut Vec
 
 /// The address of the register called `name`.
 pub(super) fn address_of(name: &str, registers: &[RegisterFile]) -> Option<Address> {
-    Some(named(name, registers)?.address.as_ref()?.value.into())
+    named(name, registers)?.place().map(|place| place.value)
 }
 
 /// The register called `name`.

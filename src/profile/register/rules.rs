@@ -1,6 +1,7 @@
 //! Rules between registers, and between registers and their model, for model files and configurations alike.
 
 use super::RegisterFile;
+use crate::domain::address::Address;
 use crate::domain::problem::Problem;
 use crate::profile::model::{Access, CodeRule, Register, Role};
 use crate::toml_file::{Location, Spanned};
@@ -16,7 +17,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
         taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
         let place = Place { owner, access: register.access, bits: register.form.mask | register.form.exponent_mask };
         let words = register.address.onwards().take(register.form.words().into());
-        words.for_each(|it| taken.addresses.entry(it.number()).or_default().push(place.clone()));
+        words.for_each(|it| taken.addresses.entry(it).or_default().push(place.clone()));
     }
     for register in written {
         taken.add(register, problems);
@@ -27,7 +28,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
 #[derive(Default)]
 struct UsedNames {
     labels: BTreeMap<String, String>,
-    addresses: BTreeMap<u16, Vec<Place>>,
+    addresses: BTreeMap<Address, Vec<Place>>,
     roles: BTreeMap<Role, String>,
     /// The model is finished: what others add shares no address with it.
     is_extended: bool,
@@ -46,8 +47,8 @@ impl UsedNames {
                 claim(&mut self.labels, code.value.to_lowercase(), &called, &code.location, problems);
             }
         }
-        if let Some(address) = &register.address {
-            self.claim_words(register, address, problems);
+        if let Some(address) = register.place() {
+            self.claim_words(register, &address, problems);
         }
         if let Some(role) = register.role.valid().filter(|role| !role.value.is_repeated()) {
             claim(&mut self.roles, role.value, "this role", &role.location, problems);
@@ -78,15 +79,15 @@ impl Place {
 
 impl UsedNames {
     /// Claims the addresses of the words of `register`.
-    fn claim_words(&mut self, register: &RegisterFile, address: &Spanned<u16>, problems: &mut Vec<Problem>) {
+    fn claim_words(&mut self, register: &RegisterFile, address: &Spanned<Address>, problems: &mut Vec<Problem>) {
         let access = register.access.as_ref().map_or(Access::ReadWrite, |access| access.value);
         let bits = if register.form.is_pair() { u16::MAX } else { register.form.bits() };
         let place = Place { owner: address.location.key.clone(), access, bits };
         let words = if register.form.is_pair() { 2 } else { 1 };
-        for number in (address.value..=u16::MAX).take(words) {
-            let places = self.addresses.entry(number).or_default();
+        for word in address.value.onwards().take(words) {
+            let places = self.addresses.entry(word).or_default();
             if let Some(other) = places.iter().find(|other| self.is_extended || !other.may_share(&place)) {
-                let what = format!("address 0x{number:04X} is taken by {}", other.owner);
+                let what = format!("address {word} is taken by {}", other.owner);
                 let right = "one that no other register of the model uses";
                 problems.push(address.location.problem(what).right(right));
             }

@@ -1,6 +1,7 @@
 //! The line sections of a summary: settings, timing, reads, writes, refusals.
 
 use super::layout::{Row, list, row};
+use crate::domain::address::Address;
 use crate::profile::model::{Barrier, Boundary, Fact, Holes, Link, Model, Quirks, ReadLimits, Timing};
 use crate::profile::words::REFUSED_WRITES;
 use crate::toml_file::values::duration_text;
@@ -63,7 +64,8 @@ pub(super) fn reads_and_writes(model: &Model) -> Vec<Row> {
         rows.push(row("longest frame", format!("{} bytes", bytes.value), bytes));
     }
     for area in &read.areas {
-        let what = format!("words in one read of 0x{:04X} to 0x{:04X}", area.from, area.to);
+        let from = Address::new(area.table, area.from);
+        let what = format!("words in one read of {from} to 0x{:04X}", area.to);
         rows.push(row(&what, up_to(area.max_words.value), &area.max_words));
     }
     if let Some(holes) = &read.holes {

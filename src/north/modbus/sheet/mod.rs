@@ -26,6 +26,8 @@ pub enum SheetTable {
     Word,
     /// Holding registers only.
     Holding,
+    /// Input registers only.
+    Input,
 }
 
 impl SheetTable {
@@ -37,6 +39,7 @@ impl SheetTable {
             Self::Discrete => "discrete input",
             Self::Word => "holding and input register",
             Self::Holding => "holding register",
+            Self::Input => "input register",
         }
     }
 
@@ -47,6 +50,7 @@ impl SheetTable {
         let digit = match self {
             Self::Coil => 0,
             Self::Discrete => 1,
+            Self::Input => 3,
             Self::Word | Self::Holding => 4,
         };
         numbered(digit, address)
@@ -150,11 +154,13 @@ impl SheetRow {
     #[must_use]
     pub const fn functions(&self, is_native: bool) -> &'static str {
         match (self.table, self.is_written, is_native) {
+            (SheetTable::Coil, true, _) if !self.is_read => "05 0F",
             _ if !self.is_read && self.is_written => "06 10",
             _ if !self.is_read => "-",
             (SheetTable::Coil, false, _) => "01",
             (SheetTable::Coil, true, _) => "01 05 0F",
             (SheetTable::Discrete, ..) => "02",
+            (SheetTable::Input, ..) => "04",
             (SheetTable::Word, false, _) => "03 04",
             (SheetTable::Word, true, true) => "03 04 06 10",
             (SheetTable::Word, true, false) => "03 04 06 10 16 17",

@@ -1,7 +1,7 @@
 //! The map of a native unit: the registers that the model knows, and which of them may be written.
 
 use super::{SheetFormat, SheetRow, SheetTable};
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
@@ -20,19 +20,43 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
     let model = &drive.model;
     let control = drive.control.as_deref();
     let registers = model.registers.iter();
-    let rows = registers.map(|register| of(model, register, register.address.number(), control, rights));
+    let rows = registers.map(|register| of(model, register, register.address, control, rights));
     let twins = control.iter().flat_map(|control| &control.native_write).filter_map(|address| {
         let register = model.stored_twin(*address).filter(|_| model.register_at(*address).is_none())?;
-        Some(of(model, register, *address, control, rights))
+        Some(of(model, register, Address::holding(*address), control, rights))
     });
     let mut all: Vec<_> = rows.chain(twins).collect();
-    all.sort_by_key(|row| row.address);
+    all.sort_by_key(|row| (is_of_bits(row.table), row.table == SheetTable::Input, row.address));
     all
 }
 
-fn of(model: &Model, register: &Register, address: u16, control: Option<&ControlSettings>, rights: Rights) -> SheetRow {
+/// Whether `table` holds bits.
+const fn is_of_bits(table: SheetTable) -> bool {
+    matches!(table, SheetTable::Coil | SheetTable::Discrete)
+}
+
+/// The table of a native unit that shows those of the drive's `table`: without input registers of its own, holding registers
+/// are both.
+fn table_of(model: &Model, table: Table) -> SheetTable {
+    match table {
+        Table::Coil => SheetTable::Coil,
+        Table::Discrete => SheetTable::Discrete,
+        Table::Input => SheetTable::Input,
+        Table::Holding if model.registers.iter().any(|it| it.address.table() == Table::Input) => SheetTable::Holding,
+        Table::Holding => SheetTable::Word,
+    }
+}
+
+fn of(
+    model: &Model,
+    register: &Register,
+    address: Address,
+    control: Option<&ControlSettings>,
+    rights: Rights,
+) -> SheetRow {
     let is_command = is_command(register);
-    let is_listed = control.is_some_and(|control| control.native_write.contains(&address));
+    let is_listed = control.is_some_and(|control| control.native_write.iter().any(|number| address == *number));
+    let table = table_of(model, address.table());
     let commands = rights.write && control.is_some_and(|control| control.from_modbus_tcp);
     let stops = rights.stop
         && control.is_some()
@@ -40,8 +64,8 @@ fn of(model: &Model, register: &Register, address: u16, control: Option<&Control
     let is_twin = register.address != address;
     let is_written = commands && (is_command || is_listed) || stops;
     SheetRow {
-        table: SheetTable::Word,
-        address,
+        table,
+        address: address.number(),
         count: 1,
         of: String::new(),
         code: register.code.clone().unwrap_or_default(),
@@ -49,7 +73,11 @@ fn of(model: &Model, register: &Register, address: u16, control: Option<&Control
         title: if is_twin { format!("{} (stored)", register.title) } else { register.title.clone() },
         step: step(register),
         unit: if register.unit == UnitOfMeasure::None { "" } else { register.unit.symbol() },
-        format: if register.signed { SheetFormat::Signed } else { SheetFormat::Unsigned },
+        format: match register.signed {
+            _ if is_of_bits(table) => SheetFormat::Bit,
+            true => SheetFormat::Signed,
+            false => SheetFormat::Unsigned,
+        },
         is_read: register.access.can_read() && !is_twin,
         is_written,
         meaning: meaning(model, register),
@@ -67,7 +95,7 @@ fn step(register: &Register) -> String {
     let is_code = !register.meanings.is_empty()
         || register.role.is_some_and(|role| matches!(role, Role::RunCommand | Role::Order) || names_trips(role));
     match register.scale {
-        _ if is_code || !register.form.is_plain() => String::new(),
+        _ if is_code || !register.form.is_plain() || register.address.table().is_of_bits() => String::new(),
         scale if 10_u32.pow(scale.ilog10()) == scale => Scaled::from_word(1, register).to_string(),
         scale => format!("1/{scale}"),
     }
