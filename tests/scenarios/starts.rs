@@ -90,9 +90,46 @@ fn each_word_waits_for_the_one_before_and_a_running_drive_gets_the_run_word_only
     rig.live(SECOND * 15);
     rig.sent.clear();
     assert_eq!(rig.commanded(MQTT, run(Direction::Reverse, None)), (Outcome::Confirmed, Reason::None));
-    assert_eq!(rig.written(RUN), [SHUT_DOWN, SWITCH_ON, REVERSE]);
+    assert_eq!(rig.written(RUN), [SWITCH_ON, REVERSE], "it is switched on still");
     rig.live(SECOND * 4);
     assert!(rig.output(1) < 0);
+}
+
+/// A drive whose `running` is off although the motor still turns: its status shows the order only. The first word of the start
+/// would cut its output off.
+#[test]
+fn a_run_during_the_ramp_of_a_stop_cuts_nothing_off() {
+    let mut rig = ready();
+    rig.bus.drive_mut(Station(1)).unwrap().show_orders();
+    rig.commanded(MQTT, run(Direction::Forward, None));
+    rig.live(SECOND * 8);
+    let speed = rig.output(1);
+    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+    // As long as `restart_delay` asks for.
+    rig.live(SECOND * 13 / 4);
+    let ramping = rig.output(1);
+    assert!(ramping > 0 && ramping < speed, "{ramping} of {speed}");
+    rig.sent.clear();
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Confirmed, Reason::None));
+    assert_eq!(rig.written(RUN), [SWITCH_ON, FORWARD], "the stop word changes nothing during a stop");
+    assert!(rig.output(1) > ramping / 2, "{} of {ramping}", rig.output(1));
+    rig.live(SECOND * 8);
+    assert_eq!(rig.output(1), speed);
+}
+
+#[test]
+fn a_drive_that_is_switched_on_at_standstill_is_not_switched_off_first() {
+    let mut rig = ready();
+    rig.commanded(MQTT, run(Direction::Forward, None));
+    rig.live(SECOND * 4);
+    rig.commanded(MQTT, STOP);
+    rig.live(SECOND * 20);
+    assert_eq!(rig.output(1), 0);
+    rig.sent.clear();
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Confirmed, Reason::None));
+    assert_eq!(rig.written(RUN), [SWITCH_ON, FORWARD]);
+    rig.live(SECOND * 4);
+    assert!(rig.output(1) > 0);
 }
 
 #[test]

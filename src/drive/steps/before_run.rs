@@ -2,6 +2,7 @@
 //! direction of a model that takes it in a register of its own.
 
 use super::{Await, Condition, NoSteps, SHOWN_WITHIN, Skip, Step, StepPart, Write, order};
+use crate::domain::address::Address;
 use crate::domain::command::{Direction, Reason};
 use crate::profile::model::{Flag, Model, OrderKind, StartStep};
 use std::time::Duration;
@@ -20,27 +21,33 @@ pub(super) fn before_run(model: &Model, direction: Direction, steps: Vec<Step>) 
     Ok(all)
 }
 
-/// The words of a start. A drive that shows that it runs needs none of them.
+/// The words of a start. A drive that shows that it runs needs none of them. One that is ready for the run word needs none of
+/// those before the last, which might take it back to a state in which its output is off: it may still ramp down. Neither
+/// does it need the last, unless that is the stop, which changes nothing in such a drive, and after which the run word is a
+/// change of the word that it holds.
 fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let starts = model.start_steps();
-    if starts.is_empty() {
-        return Ok(Vec::new());
-    }
+    let Some(last) = starts.last() else { return Ok(Vec::new()) };
     let (address, _) = order(model, OrderKind::Forward)?;
-    let step = |step: &StartStep| {
-        let write = Write { address, value: step.write.value, part: StepPart::Start, shown: Vec::new() };
-        let condition = Condition {
-            address: step.address,
-            mask: step.mask,
-            values: step.values.clone(),
-            is_one: true,
-            within: step.within,
-        };
-        [Step::Write(vec![write]), Step::Await(Await { condition, at_least: step.at_least, reason: Reason::NotReady })]
-    };
-    let steps: Vec<Step> = starts.iter().flat_map(step).collect();
+    let (_, stop) = order(model, OrderKind::Stop)?;
+    let steps: Vec<Step> = starts.iter().flat_map(|step| written(address, step)).collect();
+    let kept = if last.write.value == stop { written(address, last).len() } else { 0 };
+    let count = steps.len() - kept;
+    let is_ready = (count > 0).then(|| Step::Skip(Skip { condition: met_after(last), count }));
     let runs = Condition::flag(model, Flag::Running, true).ok_or(NoSteps::NotCapable)?;
-    Ok([Step::Skip(Skip { condition: runs, count: steps.len() })].into_iter().chain(steps).collect())
+    let all = is_ready.into_iter().chain(steps).collect::<Vec<_>>();
+    Ok([Step::Skip(Skip { condition: runs, count: all.len() })].into_iter().chain(all).collect())
+}
+
+fn written(address: Address, step: &StartStep) -> [Step; 2] {
+    let write = Write { address, value: step.write.value, part: StepPart::Start, shown: Vec::new() };
+    let condition = met_after(step);
+    [Step::Write(vec![write]), Step::Await(Await { condition, at_least: step.at_least, reason: Reason::NotReady })]
+}
+
+/// What the drive shows once it has followed `step`.
+fn met_after(step: &StartStep) -> Condition {
+    Condition { address: step.address, mask: step.mask, values: step.values.clone(), is_one: true, within: step.within }
 }
 
 /// The direction. If its register can be read, the run word is sent only after it was read to hold the direction: an order

@@ -107,7 +107,8 @@ pub(super) const ORDERS: &[Section] = &[
     Section {
         table: "run.start",
         says: "The words that are written, in order, before the run word, to the same register. A drive that shows `running` \
-               gets the run word only.",
+               gets the run word only; one that already shows what the last of them must bring about, as while its motor still \
+               ramps down, gets the run word only as well, or the last of them and the run word where the last is `stop`.",
         keys: &[
             ("write", "", "The word. It neither runs nor resets."),
             ("until", "", "What the drive must show before the next word."),

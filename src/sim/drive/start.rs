@@ -13,6 +13,8 @@ pub(super) struct Readiness {
     followed: usize,
     /// The drive follows none of them, as with an open enable terminal.
     is_held_back: bool,
+    /// It shows `running` as long as it is ordered to run, and not while the motor still ramps down.
+    pub(super) shows_orders: bool,
 }
 
 impl SimDrive {
@@ -39,6 +41,11 @@ impl SimDrive {
         }
     }
 
+    /// Shows `running` only while the drive is ordered to run: a motor that ramps down is shown as ready for the run word.
+    pub const fn show_orders(&mut self) {
+        self.start.shows_orders = true;
+    }
+
     /// Takes `word` if it belongs to a start, or is a run word that the drive is not ready for; false if it is an order.
     pub(super) fn take_start(&mut self, at: MonoTime, place: MemoryAddress, word: u16, runs: bool) -> bool {
         let steps = self.model.start_steps();
@@ -49,6 +56,7 @@ impl SimDrive {
         if count == 0 {
             return false;
         }
+        let falls_back = step.is_some_and(|step| step + 1 < self.start.followed);
         match step {
             Some(step) if self.start.followed >= step && !self.start.is_held_back && !self.tripped => {
                 self.start.followed = step + 1;
@@ -62,10 +70,18 @@ impl SimDrive {
             None => return false,
         }
         self.take(place, word);
-        if self.is_run_from_bus() && self.control.direction != 0 {
+        // An earlier state of the drive is one in which its output is off.
+        if falls_back && self.is_run_from_bus() && self.motor.output(at) != 0 {
+            self.cut_off(at);
+        } else if self.is_run_from_bus() && self.control.direction != 0 {
             self.run(at, 0, false);
         }
         true
+    }
+
+    /// Whether the drive shows that it runs.
+    pub(super) fn shows_running(&self, at: MonoTime) -> bool {
+        self.control.direction != 0 || (self.motor.output(at) != 0 && !self.start.shows_orders)
     }
 
     /// The drive starts from the beginning again.
@@ -76,7 +92,7 @@ impl SimDrive {
     /// `word` of the register at `address` with what the drive shows of a start.
     pub(super) fn with_readiness(&self, at: MonoTime, address: Address, word: u16) -> u16 {
         let last = self.start.followed.checked_sub(1).and_then(|last| self.model.start_steps().get(last));
-        let runs = self.control.direction != 0 || self.motor.output(at) != 0;
+        let runs = self.shows_running(at);
         match last.filter(|step| step.address == address && !self.tripped && !runs) {
             Some(step) => (word & !step.mask) | step.values.first().copied().unwrap_or_default(),
             None => word,

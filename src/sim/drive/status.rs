@@ -35,7 +35,7 @@ impl SimDrive {
         let output = self.motor.output(at);
         let direction = self.control.direction;
         match flag {
-            Flag::Running => output != 0 || direction != 0,
+            Flag::Running => self.shows_running(at),
             Flag::Reverse => output < 0 || (output == 0 && direction < 0),
             Flag::Stopping => output != 0 && direction == 0,
             Flag::Tripped => self.tripped,
