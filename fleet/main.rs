@@ -173,7 +173,6 @@ mod tests {
     use super::*;
     use crate::play::Plan;
     use serde_json::Value;
-    use vfd_gateway::cli::input;
     use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
 
     fn typed(line: &str) -> Args {
@@ -192,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_drive_of_every_model_has_a_document_and_a_birth() {
-        let ids: Vec<_> = input::catalog().unwrap_or_else(|it| panic!("{it}")).ids().map(str::to_owned).collect();
+        let ids: Vec<_> = vfd_gateway::vendors::catalog().ids().map(str::to_owned).collect();
         assert!(ids.len() >= 5);
         for id in ids {
             let specimen = specimen::specimen(&typed(&format!("--drives 3 --model {id}")));

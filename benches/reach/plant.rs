@@ -8,7 +8,6 @@ use std::sync::mpsc;
 use std::thread::JoinHandle;
 use vfd_gateway::config::{self, Config};
 use vfd_gateway::domain::report::LineCounters;
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::vendors;
 
 use crate::rig;
@@ -63,7 +62,7 @@ impl Setup<'_> {
     }
 
     pub fn config(&self) -> Config {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
+        let catalog = vendors::catalog();
         config::load(&self.text(), &catalog).expect("the configuration is sound")
     }
 }

@@ -12,7 +12,6 @@ use vfd_gateway::daemon::service::run;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::report::LineCounters;
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::sim::{BusOptions, BusReport, DriveOptions, Pacing, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
@@ -113,7 +112,7 @@ impl Rig {
 }
 
 pub fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::oneshot::Receiver<()>) -> LineCounters {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
+    let catalog = vendors::catalog();
     let config = config::load(text, &catalog).expect("the configuration is sound");
     let mut counters = LineCounters::default();
     run::run(&config, None, async |running| {

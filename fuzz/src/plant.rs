@@ -13,8 +13,7 @@ use vfd_gateway::vendors;
 
 /// The built-in models.
 pub fn catalog() -> &'static Catalog {
-    static CATALOG: LazyLock<Catalog> =
-        LazyLock::new(|| Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound"));
+    static CATALOG: LazyLock<Catalog> = LazyLock::new(vendors::catalog);
     &CATALOG
 }
 

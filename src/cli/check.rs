@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn a_line_of_several_vendors_is_told_with_what_it_costs() {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let found = super::report(&config::load(text, &catalog).unwrap());
         let path = format!("{}/tests/golden/config/several_vendors.txt", env!("CARGO_MANIFEST_DIR"));
@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn a_listener_is_told_with_its_limits() {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let limits = "units = [1]\nconnections_max = 9\npriority = [\"127.0.0.1/32\"]\n[[modbus_tcp]]";
         let listener = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1\"\n{limits}");
@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn addresses_of_a_containers_bridge_are_warned_about() {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let told = |allow: &str, write: &str| {
             let lists = format!("listen = \"0.0.0.0:1\"\nallow = [{allow}]\nwrite = [{write}]");
@@ -328,7 +328,7 @@ mod tests {
 
     #[test]
     fn a_right_that_no_role_grants_is_nobodys() {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let told = |roles: &str| {
             let tls = format!(

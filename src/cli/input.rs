@@ -14,18 +14,6 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The built-in models.
-///
-/// # Errors
-/// A mistake in a built-in model file.
-pub fn catalog() -> Result<Catalog, Failure> {
-    Catalog::from_texts(vendors::texts().iter().copied()).map_err(|problems| {
-        let lines: Vec<_> =
-            problems.iter().map(|(file, problem)| format!("{file}: {}: {}", problem.key, problem.what)).collect();
-        Failure::failed(lines.join("\n"))
-    })
-}
-
 /// The built-in models and the operator's own in `dirs`.
 ///
 /// # Errors
@@ -49,7 +37,7 @@ pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
 /// # Errors
 /// All problems of all files of `own`, rendered.
 pub fn joined(own: &OwnModels) -> Result<Catalog, Failure> {
-    join(catalog()?, own).map_err(|found| Failure::wrong(drawn(&found)))
+    join(vendors::catalog(), own).map_err(|found| Failure::wrong(drawn(&found)))
 }
 
 /// `catalog` with the models of `own`, or the problems of each file.
@@ -131,7 +119,7 @@ pub fn configuration(path: &Path) -> Result<Config, Failure> {
 /// It cannot be read.
 pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, String), Failure> {
     let text = read(path)?;
-    let built_in = catalog()?;
+    let built_in = vendors::catalog();
     let (own, mut problems) = own_models_of(&config::model_dirs(&text));
     let of_this = |problems| Findings { path: path.to_owned(), text: text.clone(), problems };
     let (catalog, mut found) = match join(built_in.clone(), &own) {
@@ -237,7 +225,7 @@ mod tests {
 
     #[test]
     fn the_problems_of_any_text_can_be_drawn() {
-        let catalog = catalog().ok().unwrap();
+        let catalog = vendors::catalog();
         let problems_of = |folder, text: &str| match folder {
             "config" => config::load(text, &catalog).err().unwrap_or_default(),
             _ => crate::profile::check::model(text).err().unwrap_or_default(),

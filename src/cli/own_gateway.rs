@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn every_model_has_a_gateway_that_reads_and_one_that_commands() {
-        let catalog = input::catalog().ok().unwrap();
+        let catalog = crate::vendors::catalog();
         let port = PortAddress::Device(PathBuf::from("/dev/ttyUSB0"));
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
             let commands = control((5.0, 50.0), "forward", "stop");

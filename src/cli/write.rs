@@ -376,7 +376,7 @@ mod tests {
 
     #[test]
     fn a_word_that_makes_a_motor_run_is_not_written_and_left_alone() {
-        let catalog = super::super::input::catalog().ok().unwrap();
+        let catalog = crate::vendors::catalog();
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
             let run = model.run.as_ref().unwrap();
             let register = model.register_for(Role::RunCommand).unwrap().address;
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn straight_on_a_port_no_word_is_written_where_commands_are() {
-        let catalog = super::super::input::catalog().ok().unwrap();
+        let catalog = crate::vendors::catalog();
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
             let register = model.register_for(Role::RunCommand).unwrap().address.number();
             let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);

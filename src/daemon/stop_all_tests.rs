@@ -15,7 +15,6 @@ use crate::daemon::testing::{Dir, Sleeper};
 use crate::domain::ids::{CommanderName, Ticket};
 use crate::north::broker::{Event, Message};
 use crate::north::sparkplug::payload::{Metric, Payload, Value};
-use crate::profile::catalog::Catalog;
 use crate::vendors;
 use std::fmt::Write;
 use std::path::Path;
@@ -39,7 +38,7 @@ fn config() -> Config {
         )
         .unwrap();
     }
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     config::load(&text, &catalog).unwrap()
 }
 

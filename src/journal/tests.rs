@@ -14,7 +14,6 @@ use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
 use crate::drive::plan::Pace;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::profile::check;
 use crate::profile::model::{CodeText, Confidence, Model, Role};
 use crate::vendors;
 use serde_json::Value;
@@ -30,7 +29,7 @@ fn label(at: MonoTime) -> WallTime {
     WallTime { unix_ms: (at.as_nanos() / 1_000_000) as i64 }
 }
 
-static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(check::model(vendors::texts()[0].1).unwrap()));
+static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| vendors::catalog().find("hyundai-n700").unwrap().clone());
 
 fn drive(called: &str) -> DriveDescription {
     let name = |text| Name::new(text).unwrap();

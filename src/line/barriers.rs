@@ -152,7 +152,6 @@ fn request(barrier: &Barrier, echo: LocalEcho, nonce: u16) -> Option<Request> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::check;
     use crate::profile::model::{BarrierRead, Confidence, Fact};
     use crate::vendors;
     use std::collections::HashSet;
@@ -160,8 +159,7 @@ mod tests {
     const ECHOES: [LocalEcho; 3] = [LocalEcho::Unknown, LocalEcho::Excluded, LocalEcho::Found];
 
     fn barriers(all: Vec<Barrier>) -> Barriers {
-        let (_, text) = vendors::texts().first().expect("a built-in model");
-        let mut model = check::model(text).expect("a sound model");
+        let mut model = Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"));
         model.barriers = all;
         Barriers::new(&model)
     }

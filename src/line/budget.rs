@@ -244,7 +244,6 @@ fn reply_bytes(count: u16) -> usize {
 mod tests {
     use super::super::timing::testing::{ASCII, N700};
     use super::*;
-    use crate::profile::check;
     use crate::profile::model::{BarrierRead, Confidence, Fact};
     use crate::vendors;
 
@@ -254,8 +253,7 @@ mod tests {
 
     /// A model with one register that is polled fast.
     fn model(change: impl FnOnce(&mut Model)) -> Model {
-        let (_, text) = vendors::texts().first().expect("a built-in model");
-        let mut model = check::model(text).expect("a sound model");
+        let mut model = Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"));
         let first = model.registers.iter().position(|register| register.poll == Some(PollClass::Fast)).unwrap();
         model.registers = vec![model.registers.swap_remove(first)];
         model.link.broadcast = None;

@@ -365,7 +365,6 @@ mod tests {
     use super::*;
     use crate::domain::address::{Address, Table};
     use crate::line::quiet::{QUIET_EXCHANGES, QUIET_LEAST};
-    use crate::profile::check;
     use crate::profile::model::{Confidence, Fact};
     use crate::vendors;
 
@@ -373,8 +372,7 @@ mod tests {
     const DEAF: Duration = Duration::from_secs(2);
 
     fn station_with(refused: RefusedWrite, deaf_after_power_up: Duration) -> StationState {
-        let (_, text) = vendors::texts().first().expect("a built-in model");
-        let mut model = check::model(text).expect("a sound model");
+        let mut model = Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"));
         model.write.refused.value = refused;
         let fact = Fact { value: deaf_after_power_up, confidence: Confidence::Manual, source: String::new() };
         model.quirks.deaf_after_power_up = Some(fact);

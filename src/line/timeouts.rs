@@ -148,14 +148,12 @@ pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Dur
 mod tests {
     use super::*;
     use crate::domain::link::{Framing, LinkSettings, Parity};
-    use crate::profile::check;
     use crate::profile::model::Memory;
     use crate::profile::model::{Confidence, Fact, Role};
     use crate::vendors;
 
     fn model() -> Model {
-        let (_, text) = vendors::texts().first().expect("a built-in model");
-        check::model(text).expect("a sound model")
+        Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
     }
 
     const fn ms(millis: u64) -> Duration {

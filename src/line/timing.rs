@@ -118,12 +118,11 @@ pub(super) mod testing {
 mod tests {
     use super::testing::{ASCII, N700};
     use super::*;
-    use crate::profile::catalog::Catalog;
     use crate::profile::model::{Confidence, Fact};
     use crate::vendors;
 
     fn model(gap_chars: f64, pause: Option<Duration>) -> Model {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let mut model = Model::clone(catalog.find("hyundai-n700").unwrap());
         model.timing.gap_chars.value = gap_chars;
         let fact = |value| Fact { value, confidence: Confidence::Manual, source: "IM 1".to_owned() };

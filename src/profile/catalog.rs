@@ -5,35 +5,36 @@ use super::like::{Source, Sources, Whole};
 use super::model::Model;
 use crate::domain::problem::Problem;
 use crate::toml_file::{self, Location};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-/// Models with unique identifiers.
+/// Models with unique identifiers. Copies share them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Catalog {
-    models: BTreeMap<String, Entry>,
+    models: BTreeMap<String, Arc<Entry>>,
 }
 
-/// A model and the name of its file.
-#[derive(Clone, Debug, PartialEq)]
+/// A model file, and its model once somebody has asked for it.
+#[derive(Debug, PartialEq)]
 struct Entry {
-    model: Arc<Model>,
-    file: String,
-    text: Arc<str>,
+    file: Cow<'static, str>,
+    text: Cow<'static, str>,
+    /// `None`: the file is not sound.
+    model: OnceLock<Option<Arc<Model>>>,
 }
 
 /// The files of a catalog, and those that are about to join it.
 struct Files<'c> {
     catalog: &'c Catalog,
-    new: &'c [(String, Arc<str>)],
+    new: &'c [(String, String)],
 }
 
 impl Sources for Files<'_> {
     fn find(&self, id: &str) -> Option<Source<'_>> {
-        let known = self.catalog.models.get(id).map(|entry| (&entry.file, &entry.text));
-        let new =
-            || self.new.iter().find(|(_, text)| id_of(text).as_deref() == Some(id)).map(|(file, text)| (file, text));
-        known.or_else(new).map(|(file, text)| Source { file, text })
+        let known = self.catalog.models.get(id).map(|entry| Source { file: &entry.file, text: &entry.text });
+        let new = || self.new.iter().find(|(_, text)| id_of(text).as_deref() == Some(id));
+        known.or_else(|| new().map(|(file, text)| Source { file, text }))
     }
 
     fn ids(&self) -> Vec<String> {
@@ -49,7 +50,22 @@ pub fn id_of(text: &str) -> Option<String> {
     document.section().table.get("id")?.get_ref().as_str().map(str::to_owned)
 }
 
+/// The identifier of the model that is built in as `file`: `maker-series` in `maker/series.toml`.
+fn built_in_id(file: &str) -> String {
+    file.strip_suffix(".toml").unwrap_or(file).replace('/', "-")
+}
+
 impl Catalog {
+    /// The models of `texts`, pairs of file name and content, which are known to be sound. Each is read when it is first
+    /// asked for, so that many models cost a start nothing. They are named after their files.
+    #[must_use]
+    pub fn of_sound(texts: &[(&'static str, &'static str)]) -> Self {
+        let entry = |(file, text): &(&'static str, &'static str)| {
+            (built_in_id(file), Arc::new(Entry { file: (*file).into(), text: (*text).into(), model: OnceLock::new() }))
+        };
+        Self { models: texts.iter().map(entry).collect() }
+    }
+
     /// The models of `texts`, pairs of file name and content.
     ///
     /// # Errors
@@ -67,12 +83,12 @@ impl Catalog {
         mut self,
         texts: impl IntoIterator<Item = (F, T)>,
     ) -> Result<Self, Vec<(String, Problem)>> {
-        let new: Vec<_> = texts.into_iter().map(|(file, text)| (file.into(), Arc::from(text.as_ref()))).collect();
+        let new: Vec<_> = texts.into_iter().map(|(file, text)| (file.into(), text.as_ref().to_owned())).collect();
         let files = Files { catalog: &self, new: &new };
         let read: Vec<_> = new.iter().map(|(_, text)| check::model_and_id(text, &files)).collect();
         let mut all = Vec::new();
         for ((file, text), read) in new.into_iter().zip(read) {
-            let added = read.and_then(|(model, id)| self.add(model, &file, text, &id));
+            let added = read.and_then(|(model, id)| self.add(model, file.clone(), text, &id));
             all.extend(added.err().into_iter().flatten().map(|problem| (file.clone(), problem)));
         }
         if all.is_empty() { Ok(self) } else { Err(all) }
@@ -81,7 +97,7 @@ impl Catalog {
     /// The model with identifier `id` as one complete file: as it is, or together with what it takes over from others.
     #[must_use]
     pub fn text_of(&self, id: &str) -> Option<String> {
-        let Entry { text, .. } = self.models.get(id)?;
+        let text = &self.models.get(id)?.text;
         let files = Files { catalog: self, new: &[] };
         let whole = Whole::read(text, &files, &mut Vec::new())?;
         Some(if whole.base().is_none() { text.to_string() } else { whole.text() })
@@ -90,7 +106,14 @@ impl Catalog {
     /// The model with identifier `id`, if any.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<&Arc<Model>> {
-        Some(&self.models.get(id)?.model)
+        let entry = self.models.get(id)?;
+        let read = || check::model_and_id(&entry.text, &Files { catalog: self, new: &[] }).ok();
+        entry.model.get_or_init(|| read().map(|(model, _)| Arc::new(model))).as_ref()
+    }
+
+    /// All models, in the order of their identifiers.
+    pub fn models(&self) -> impl Iterator<Item = &Arc<Model>> {
+        self.ids().filter_map(|id| self.find(id))
     }
 
     /// The identifiers, in alphabetical order.
@@ -98,12 +121,14 @@ impl Catalog {
         self.models.keys().map(String::as_str)
     }
 
-    fn add(&mut self, model: Model, file: &str, text: Arc<str>, id: &Location) -> Result<(), Vec<Problem>> {
+    fn add(&mut self, model: Model, file: String, text: String, id: &Location) -> Result<(), Vec<Problem>> {
         if let Some(taken) = self.models.get(&model.id) {
             let problem = id.problem(format!("`{}` is already defined by {}", model.id, taken.file));
             return Err(vec![problem.right("a unique identifier")]);
         }
-        self.models.insert(model.id.clone(), Entry { model: Arc::new(model), file: file.to_owned(), text });
+        let id = model.id.clone();
+        let model = OnceLock::from(Some(Arc::new(model)));
+        self.models.insert(id, Arc::new(Entry { file: file.into(), text: text.into(), model }));
         Ok(())
     }
 }
@@ -119,6 +144,31 @@ mod tests {
         assert_eq!(catalog.ids().collect::<Vec<_>>(), ["acme-1"]);
         assert_eq!(catalog.find("acme-1").unwrap().vendor, "Acme");
         assert!(catalog.find("acme-2").is_none());
+    }
+
+    #[test]
+    fn a_built_in_model_is_read_when_it_is_asked_for_and_then_shared() {
+        let like = include_str!("../../tests/golden/models/like.toml");
+        let catalog = Catalog::of_sound(&[
+            ("acme/1.toml", MODEL),
+            ("acme/like.toml", like),
+            ("acme/everything.toml", crate::profile::testing::EVERYTHING),
+            ("acme/broken.toml", "id ="),
+        ]);
+        let is_read = |id: &str| catalog.models[id].model.get().is_some();
+        assert_eq!(catalog.ids().collect::<Vec<_>>(), ["acme-1", "acme-broken", "acme-everything", "acme-like"]);
+        assert!(catalog.ids().all(|id| !is_read(id)));
+        let copy = catalog.clone();
+        let model = copy.find("acme-1").unwrap();
+        assert!(is_read("acme-1") && Arc::ptr_eq(model, catalog.find("acme-1").unwrap()));
+        assert_eq!(catalog.find("acme-like").unwrap().id, "acme-like");
+        assert!(!is_read("acme-everything"), "only its text was needed");
+        assert!(catalog.find("acme-broken").is_none());
+        let ids: Vec<_> = catalog.models().map(|model| model.id.as_str()).collect();
+        assert_eq!(ids, ["acme-1", "acme-everything", "acme-like"]);
+
+        let problems = catalog.with_texts([("own.toml", MODEL)]).unwrap_err();
+        assert_eq!(problems[0].1.what, "`acme-1` is already defined by acme/1.toml");
     }
 
     #[test]

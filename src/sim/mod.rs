@@ -76,8 +76,7 @@ mod testing {
 
     /// The built-in model called `id`.
     pub fn model(id: &str) -> Arc<Model> {
-        static MODELS: LazyLock<Catalog> =
-            LazyLock::new(|| Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models"));
+        static MODELS: LazyLock<Catalog> = LazyLock::new(vendors::catalog);
         Arc::clone(MODELS.find(id).expect("a built-in model"))
     }
 

@@ -185,8 +185,8 @@ fn printed_broadcasts_stop_every_drive_and_none_answers() {
 
 #[test]
 fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
-    for (id, _) in crate::vendors::texts().iter().map(|(_, text)| (id_in(text), text)) {
-        let model = model(id);
+    for model in crate::vendors::catalog().models().filter(|model| model.run.is_some()) {
+        let id = &model.id;
         let mut drive = SimDrive::new(model.clone(), DriveOptions::default());
         for register in model.registers.iter().filter(|it| it.access.can_read()) {
             let mut request = vec![3];
@@ -210,8 +210,4 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
         drive.operate_panel(seconds(30), Some(Direction::Forward));
         assert_eq!(drive.output(seconds(60)), -30_000_000, "{id}: the bus commands");
     }
-}
-
-fn id_in(text: &str) -> &str {
-    text.lines().find_map(|line| line.strip_prefix("id = \"")?.strip_suffix('"')).unwrap()
 }

@@ -14,7 +14,6 @@ use vfd_gateway::daemon::lines::simulated_end::LineEnd;
 use vfd_gateway::daemon::lines::simulator;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
@@ -36,7 +35,7 @@ impl Adapter {
     /// Plugs it in: another device, under the same name, with the drive at station 1 behind it.
     pub fn plug_in(&mut self) {
         assert!(self.plugged.is_none(), "it is plugged in already");
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
+        let catalog = vendors::catalog();
         let model = Arc::clone(catalog.find("hyundai-n700").expect("the model is built in"));
         let mut bus = SimBus::new(LinkSettings::DEFAULT, BusOptions::default(), 1);
         bus.connect(Station(1), SimDrive::new(model, DriveOptions::default()));

@@ -18,7 +18,6 @@ use vfd_gateway::daemon::local::LocalSide;
 use vfd_gateway::daemon::service::build;
 use vfd_gateway::domain::report::{LineReport, LineState};
 use vfd_gateway::domain::time::WallTime;
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::{config, vendors};
 
 /// `COMMAND --host .. --port .. --unit UNIT` and `more`.
@@ -253,7 +252,7 @@ fn health_says_why_it_has_no_answer() {
 fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
     let text = "[[line]]\nname = \"hall-1\"\nport = \"/dev/null\"\n\n[[line.drive]]\nname = \"pump-1\"\n\
                 model = \"hyundai-n700\"\nstation = 1\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n";
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     let shared = Arc::new(build::shared(&config::load(text, &catalog).unwrap()));
     let state = Arc::new(State {
         journal: None,

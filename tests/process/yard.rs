@@ -16,7 +16,6 @@ use vfd_gateway::daemon::lines::simulated_end::LineEnd;
 use vfd_gateway::daemon::lines::simulator;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{LinkSettings, Parity};
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
@@ -77,7 +76,7 @@ struct Seen {
 impl Drive {
     /// A drive of `family` whose port is reached in `place`, with ramps of a second.
     pub fn new(family: &'static Family, place: &Place) -> Self {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
+        let catalog = vendors::catalog();
         let model = Arc::clone(catalog.find(family.model).expect("the model is built in"));
         let mut bus = SimBus::new(family.link, BusOptions::default(), 1);
         let ramp = Duration::from_secs(1);

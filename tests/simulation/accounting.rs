@@ -21,7 +21,6 @@ use vfd_gateway::daemon::service::north_sides::NorthSides;
 use vfd_gateway::domain::command::{Owner, Reason, Report};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::journal::{Attempt, AttemptId, Entry, Keep, Tried};
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::vendors;
 
 /// Attempts at one line.
@@ -97,7 +96,7 @@ impl Desk {
             drive("pump-1", 1),
             drive("pump-2", 2)
         );
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
+        let catalog = vendors::catalog();
         let shared = Arc::new(build::shared(&config::load(&text, &catalog).expect("a configuration")));
         let settings =
             Settings { directory: directory.to_owned(), max_bytes: 16_000_000_000, configuration: String::new() };

@@ -15,7 +15,6 @@ use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
 use vfd_gateway::journal::Remembered;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
-use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{BusOptions, Delivery, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
@@ -76,7 +75,7 @@ impl BurstTally {
 
 /// The built-in models.
 pub fn models() -> Vec<Arc<Model>> {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models");
+    let catalog = vendors::catalog();
     catalog.ids().filter_map(|id| catalog.find(id)).cloned().collect()
 }
 

@@ -27,8 +27,7 @@ pub const PROOF: u16 = 0x7000;
 const LATENESS: Duration = Duration::from_millis(500);
 
 thread_local! {
-    static MODELS: LazyCell<Catalog> =
-        LazyCell::new(|| Catalog::from_texts(vendors::texts().iter().copied()).expect("sound models"));
+    static MODELS: LazyCell<Catalog> = LazyCell::new(vendors::catalog);
 }
 
 /// The model of a kind of drive.

@@ -3,7 +3,7 @@
 pub mod plant;
 
 use super::keyboard::Enter;
-use super::{Failure, input, print};
+use super::{Failure, print};
 use crate::config;
 use crate::daemon::host::pty::Pty;
 use crate::daemon::lines::simulator;
@@ -13,6 +13,7 @@ use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::north::operator::password::StoredHash;
 use crate::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
+use crate::vendors;
 use plant::Line;
 use std::fmt::Write as _;
 use std::io;
@@ -95,9 +96,8 @@ fn gateway(args: &Args, lines: &[Line], devices: &[PathBuf]) -> Result<(), Failu
 
 fn serve(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> Result<(), StartError> {
     let text = configuration(modbus, http, lines, devices);
-    let config = input::catalog()
+    let config = config::load(&text, &vendors::catalog())
         .ok()
-        .and_then(|catalog| config::load(&text, &catalog).ok())
         .ok_or_else(|| StartError::System(io::Error::other("the demo's own configuration is refused")))?;
     daemon::run(&config, None, async |running| {
         let told = match told_to_end() {
@@ -146,7 +146,7 @@ fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String
     let http = running.http.unwrap_or(nowhere);
     let at_broker = format!("-h {} -p {}", broker.ip(), broker.port());
     let first = lines.first().and_then(|line| line.drives.first()).map_or("", |drive| &drive.name);
-    let mut text = String::from("vfd-gateway demo: one simulated drive of every vendor\n");
+    let mut text = String::from("vfd-gateway demo: simulated drives of several vendors\n");
     // Writing to a String cannot fail.
     let mut unit = 0;
     for (line, device) in lines.iter().zip(devices) {

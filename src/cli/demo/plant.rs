@@ -1,13 +1,11 @@
-//! The simulated plant of the demo: one drive of every vendor, on as few lines as their settings allow.
+//! The simulated plant of the demo: one drive each of some vendors, on as few lines as their settings allow.
 
 use crate::domain::control::ControlAction;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, Interface, LinkSettings};
-use crate::profile::check;
 use crate::profile::model::{Model, RunCommand};
 use crate::toml_file::words::{PARITIES, word_for};
 use crate::vendors;
-use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
@@ -43,15 +41,13 @@ pub struct Line {
     pub drives: Vec<Drive>,
 }
 
-/// The first model of every vendor, in the order of the built-in files, each on the first line that all its drives can
-/// be set to.
+/// A drive of each model of the demo, on the first line that all its drives can be set to.
 pub(super) fn lines() -> Vec<Line> {
-    let mut vendors = BTreeSet::new();
-    let models = vendors::texts().iter().filter_map(|(_, text)| check::model(text).ok());
-    let firsts = models.filter(|model| vendors.insert(model.vendor.clone())).filter(|model| model.run.is_some());
+    let catalog = vendors::catalog();
+    let models = vendors::in_demo().iter().filter_map(|id| catalog.find(id));
     let mut lines: Vec<Line> = Vec::new();
-    for ((number, name), model) in (1..).zip(NAMES).zip(firsts) {
-        let drive = Drive { name: format!("{name}-{number}"), station: Station(number), model: Arc::new(model) };
+    for ((number, name), model) in (1..).zip(NAMES).zip(models) {
+        let drive = Drive { name: format!("{name}-{number}"), station: Station(number), model: Arc::clone(model) };
         match lines.iter_mut().find_map(|line| Some((common(line, &drive.model)?, line))) {
             Some((link, line)) => {
                 line.link = link;
@@ -151,16 +147,16 @@ fn unproven(model: &Model) -> impl Iterator<Item = ControlAction> + '_ {
 mod tests {
     use super::*;
     use crate::config;
-    use crate::profile::catalog::Catalog;
+    use std::collections::BTreeSet;
 
     #[test]
-    fn every_vendor_is_there_once_and_the_configuration_is_taken() {
+    fn every_drive_is_of_another_vendor_and_the_configuration_is_taken() {
         let lines = lines();
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let drives = || lines.iter().flat_map(|line| &line.drives);
         let shown: BTreeSet<_> = drives().map(|drive| drive.model.vendor.clone()).collect();
-        let all: BTreeSet<_> = catalog.ids().map(|id| catalog.find(id).unwrap().vendor.clone()).collect();
-        assert_eq!((shown, drives().count()), (all.clone(), all.len()));
+        let all = vendors::in_demo().len();
+        assert_eq!((shown.len(), drives().count()), (all, all));
         let text = format!(
             "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
              write = [\"127.0.0.1/32\"]\n\n[http]\nlisten = \"127.0.0.1:0\"\n{}",

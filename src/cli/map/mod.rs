@@ -155,12 +155,11 @@ fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
 mod tests {
     use super::*;
     use crate::config;
-    use crate::profile::catalog::Catalog;
     use crate::vendors;
     use std::path::Path;
 
     fn maps_of(file: &str) -> Vec<Map> {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
         maps(&config::load(&text, &catalog).unwrap())
     }
@@ -196,7 +195,7 @@ mod tests {
 
     #[test]
     fn addresses_and_roles_must_both_grant() {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let found = |keys: &str| {
             let text = include_str!("../../../tests/golden/config/several_vendors.toml");
             let write = "write = [\"127.0.0.1/32\"]";

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 fn models() -> Vec<Arc<Model>> {
-    let catalog = input::catalog().ok().unwrap();
+    let catalog = crate::vendors::catalog();
     catalog.ids().map(|id| catalog.find(id).unwrap().clone()).collect()
 }
 
@@ -170,7 +170,7 @@ fn an_unknown_line_is_known_within_five_minutes_whatever_hangs_there() {
     let (silent, told) = plan.duration();
     assert!(silent + told < PROMISED, "reckoned: {silent:?} and {told:?}");
     let all: Vec<u8> = (1..=32).collect();
-    let catalog = input::catalog().ok().unwrap();
+    let catalog = crate::vendors::catalog();
     for model in models() {
         let mut line = Simulated::new(&model, &all, FaultPlan::default());
         let findings = played(&plan, &mut line);

@@ -353,7 +353,7 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
 
 #[test]
 fn every_built_in_model_names_the_line_with_which_it_takes_orders() {
-    let catalog = Catalog::from_texts(crate::vendors::texts().iter().copied()).unwrap();
+    let catalog = crate::vendors::catalog();
     for id in catalog.ids() {
         let unproven = !catalog.find(id).unwrap().unproven_basics().is_empty();
         let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");

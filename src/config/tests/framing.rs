@@ -14,7 +14,7 @@ fn catalog() -> Catalog {
     let text = with(&both, "acme-one", "acme-text");
     let wide = with(&with(&text, "acme-text", "acme-wide"), "{ value = [7, 8]", "{ value = [8]");
     let acme = [("acme-text.toml", text.as_str()), ("acme-wide.toml", wide.as_str())];
-    Catalog::from_texts(vendors::texts().iter().copied().chain(acme)).unwrap()
+    vendors::catalog().with_texts(acme).unwrap()
 }
 
 /// A line of these models, with `keys`.

@@ -121,7 +121,7 @@ fn catalog() -> Catalog {
         ("acme-one.toml", include_str!("../../../tests/golden/config/acme-one.toml")),
         ("acme-two.toml", include_str!("../../../tests/golden/config/acme-two.toml")),
     ];
-    Catalog::from_texts(vendors::texts().iter().copied().chain(acme)).unwrap()
+    vendors::catalog().with_texts(acme).unwrap()
 }
 
 fn good(text: &str) -> Config {
@@ -155,7 +155,7 @@ fn only(text: &str, expected: &str) {
 
 #[test]
 fn settings_are_told_apart_by_what_they_say_and_not_by_how() {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     let digest = |text: &str| load(text, &catalog).unwrap().digest;
     let first = digest(MINIMAL);
     let other_order = MINIMAL.replace(

@@ -10,8 +10,9 @@ fn catalog() -> Catalog {
     let e510 = include_str!("../../vendors/teco/e510.toml");
     let e510 = e510.replace("\"program\"", "\"manual\"").replace("\"commissioning-sheet\"", "\"manual\"");
     let e510 = e510.replace("\"third-party\"", "\"second-source\"");
-    let texts = crate::vendors::texts().iter().filter(|(name, _)| *name != "teco/e510.toml").copied();
-    Catalog::from_texts(texts.chain([("teco/e510.toml", e510.as_str())])).unwrap()
+    let mut others = crate::vendors::texts().to_vec();
+    others.retain(|(name, _)| *name != "teco/e510.toml");
+    Catalog::of_sound(&others).with_texts([("teco/e510.toml", e510)]).unwrap()
 }
 
 /// A drive of `model` with `lines` in its control section, on [that catalog](catalog).

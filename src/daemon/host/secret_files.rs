@@ -61,7 +61,6 @@ mod tests {
     use super::*;
     use crate::config;
     use crate::daemon::testing::Dir;
-    use crate::profile::catalog::Catalog;
     use crate::vendors;
     use std::fs::Permissions;
 
@@ -106,7 +105,7 @@ key_file = "/secret/http.key"
 
     #[test]
     fn every_secret_is_looked_at_and_nothing_else() {
-        let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+        let catalog = vendors::catalog();
         let config = config::load(FILE, &catalog).unwrap();
         let mut found = named(&config);
         found.sort();

@@ -22,7 +22,6 @@ use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::north::modbus::Counters;
 use crate::north::mqtt;
-use crate::profile::catalog::Catalog;
 use crate::vendors;
 use prometheus_client::metrics::MetricType;
 use std::collections::BTreeSet;
@@ -38,7 +37,7 @@ use tokio::task::LocalSet;
 /// A drive at unit 1 of the line hall-1.
 pub(super) fn description() -> DriveDescription {
     let name = |text| Name::new(text).unwrap();
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     DriveDescription {
         place: DriveRef { line: 0, drive: DriveIndex(0) },
         name: name("pump-1"),

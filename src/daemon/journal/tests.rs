@@ -15,7 +15,6 @@ use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
 use crate::journal::RowNumber;
 use crate::journal::{AttemptId, Book, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline};
-use crate::profile::catalog::Catalog;
 use crate::vendors;
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
@@ -26,7 +25,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 static CONFIG: LazyLock<Config> = LazyLock::new(|| {
     let text = "[[line]]\nname = \"hall-1\"\nport = \"/dev/ttyUSB0\"\n[[line.drive]]\nname = \"pump-1\"\n\
                 model = \"hyundai-n700\"\nstation = 1\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n";
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     config::load(text, &catalog).unwrap()
 });
 

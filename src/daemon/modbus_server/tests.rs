@@ -19,7 +19,6 @@ use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::Attempt;
-use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
@@ -73,7 +72,7 @@ pub(super) fn shared() -> Arc<Shared> {
 
 /// The same with control for other drives.
 fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     let model = catalog.find("hyundai-n700").unwrap();
     let drives = (0..4_u8).map(|number| DriveDescription {
         place: DriveRef { line: u16::from(number / 2), drive: DriveIndex(u16::from(number % 2)) },

@@ -1,14 +1,11 @@
 //! The plan of one drive, and of many drives on one line.
 
 use super::*;
-use crate::profile::catalog::Catalog;
-use crate::profile::check;
 use crate::profile::model::{Access, Confidence, Register};
 use crate::vendors;
 
 fn model() -> Model {
-    let (_, text) = vendors::texts().first().expect("a built-in model");
-    check::model(text).expect("a sound model")
+    Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
 }
 
 #[test]
@@ -102,7 +99,7 @@ fn what_is_not_proven_is_read_apart_until_it_is_answered_and_seldom_if_it_never_
 }
 
 fn built_in(id: &str) -> Model {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).expect("built-in models are sound");
+    let catalog = vendors::catalog();
     Model::clone(catalog.find(id).expect("it is built in"))
 }
 
@@ -156,27 +153,27 @@ fn a_hole_is_read_along_where_all_of_it_is_listed_readable_and_documented() {
 
 #[test]
 fn what_is_planned_is_what_is_read() {
-    for (id, text) in vendors::texts() {
-        let model = check::model(text).expect("a sound model");
+    for model in vendors::catalog().models() {
+        let id = &model.id;
         let at = MonoTime::ZERO;
-        let mut plan = PollPlan::new(&model, Pace::new(Duration::from_secs(1), 1.0), at, PlaceOnLine::ALONE);
+        let mut plan = PollPlan::new(model, Pace::new(Duration::from_secs(1), 1.0), at, PlaceOnLine::ALONE);
         // Once it has answered for everything.
         plan.entries.iter_mut().for_each(|entry| entry.is_trusted = true);
         let is_polled = |address: &Address| model.register_at(*address).is_some_and(|it| it.poll.is_some());
         let (mut read, mut reads) = (Vec::new(), 0);
         let due = |plan: &PollPlan| plan.iter().find(|(.., due)| *due <= at).map(|(index, ..)| index);
         while let Some(index) = due(&plan) {
-            let (address, count) = plan.take(index, at, &model, |_, _| true).unwrap();
+            let (address, count) = plan.take(index, at, model, |_, _| true).unwrap();
             read.extend(address.onwards().take(count.into()).filter(is_polled));
             reads += 1;
         }
         let words = |it: &PollGroup| it.address.onwards().take(it.count.into());
-        let mut planned: Vec<Address> = groups(&model).iter().flat_map(words).collect();
+        let mut planned: Vec<Address> = groups(model).iter().flat_map(words).collect();
         planned.retain(is_polled);
         planned.sort_unstable();
         read.sort_unstable();
         assert_eq!(read, planned, "{id}");
-        assert!(reads <= groups(&model).len(), "{id}: {reads}");
+        assert!(reads <= groups(model).len(), "{id}: {reads}");
     }
 }
 
@@ -234,9 +231,9 @@ fn due_moments(model: &Model, drives: u32, from: u64) -> Vec<MonoTime> {
 fn polls_of_a_full_line_are_spread_evenly() {
     const DRIVES: u32 = 32;
     let slot = Duration::from_secs(1) / DRIVES;
-    for (id, text) in vendors::texts() {
-        let model = check::model(text).expect("a sound model");
-        let moments = due_moments(&model, DRIVES, 0);
+    for model in vendors::catalog().models() {
+        let id = &model.id;
+        let moments = due_moments(model, DRIVES, 0);
         let regular: Vec<_> = moments.iter().filter(|at| **at >= MonoTime::from_millis(10_000)).collect();
         let begun_at = |at: usize| regular[at..].iter().take_while(|later| later.since(*regular[at]) < slot).count();
         let most = (0..regular.len()).map(begun_at).max().unwrap();

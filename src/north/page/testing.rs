@@ -29,7 +29,7 @@ pub(super) fn models() -> Vec<String> {
 }
 
 fn catalog() -> Catalog {
-    Catalog::from_texts(vendors::texts().iter().copied()).unwrap()
+    vendors::catalog()
 }
 
 /// A drive of `model` at station 3, with control, polled every second.

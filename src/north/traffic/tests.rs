@@ -12,7 +12,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 fn catalog() -> Catalog {
-    Catalog::from_texts(vendors::texts().iter().copied()).unwrap()
+    vendors::catalog()
 }
 
 fn drive(model: &str, station: u8) -> KnownDrive {

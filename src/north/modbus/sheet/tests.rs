@@ -13,7 +13,6 @@ use crate::domain::command::{Owner, Rights};
 use crate::drive::description::{DriveDescription, Ratings};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::DriveView;
-use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::mbap;
 use std::sync::Arc;
@@ -23,7 +22,7 @@ const STOP: Rights = Rights { write: false, stop: true };
 
 /// A drive of every model that is built in, and the one with everything.
 fn drives() -> Vec<DriveDescription> {
-    let catalog = Catalog::from_texts(vendors::texts().iter().copied()).unwrap();
+    let catalog = vendors::catalog();
     let models = catalog.ids().map(|id| Arc::clone(catalog.find(id).unwrap()));
     let ratings = Ratings { current_ma: Some(11_000), voltage_mv: Some(400_000) };
     let built_in = models.map(|model| DriveDescription { model, ratings, ..testing::description() });

@@ -22,7 +22,7 @@ fn speaking(devices: bool) -> Settings {
 }
 
 fn catalog() -> Catalog {
-    Catalog::from_texts(vendors::texts().iter().copied()).unwrap()
+    vendors::catalog()
 }
 
 fn drive(model: &str, control: Option<ControlSettings>) -> DriveDescription {
