@@ -57,6 +57,8 @@ mod back_doors;
 mod barriers;
 #[path = "scenarios/coils.rs"]
 mod coils;
+#[path = "scenarios/by_time.rs"]
+mod by_time;
 #[path = "scenarios/commander_lost.rs"]
 mod commander_lost;
 #[path = "scenarios/commands.rs"]

@@ -49,6 +49,8 @@ pub enum Step {
     Await(Await),
     /// Read a register: if it meets the condition, the next steps are left out.
     Skip(Skip),
+    /// Write nothing more for this long.
+    Pause(Duration),
     /// Send nothing to the drive for this long.
     Rest(Duration),
 }

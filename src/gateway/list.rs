@@ -149,17 +149,18 @@ impl List {
         Some((self.ready_at, request))
     }
 
-    /// The end of the rest, if that is the next step.
+    /// The end of the rest or pause, if that is the next step, and whether the drive ignores requests until then.
     #[must_use]
-    pub fn rest_at(&self, now: MonoTime) -> Option<MonoTime> {
+    pub fn rest_at(&self, now: MonoTime) -> Option<(MonoTime, bool)> {
         let Stage::Step(index) = self.stage else { return None };
         match self.approved.steps().get(index)? {
-            Step::Rest(rest) => Some(now + *rest),
+            Step::Rest(rest) => Some((now + *rest, true)),
+            Step::Pause(pause) => Some((now + *pause, false)),
             Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Write(_) => None,
         }
     }
 
-    /// Starts a rest that ends at `until`; then the list continues.
+    /// Starts a rest or pause that ends at `until`; then the list continues.
     pub fn rest(&mut self, until: MonoTime) -> Next {
         let Stage::Step(index) = self.stage else { return Next::Goes(None) };
         self.ready_at = until;
@@ -318,7 +319,7 @@ impl List {
                 let rested = self.repeats == Repeats::Done;
                 self.go_on_from(if rested { index + 1 } else { index }, now)
             }
-            (Some(Step::Rest(_)) | None, _) => self.end(),
+            (Some(Step::Rest(_) | Step::Pause(_)) | None, _) => self.end(),
         }
     }
 
@@ -376,6 +377,8 @@ pub const fn reason_of(kind: Option<ExceptionKind>) -> Reason {
 fn writes_of(step: &Step) -> &[Write] {
     match step {
         Step::Write(writes) => writes,
-        Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Rest(_) => &[],
+        Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Pause(_) | Step::Rest(_) => {
+            &[]
+        }
     }
 }

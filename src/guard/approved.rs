@@ -67,7 +67,7 @@ impl Approved {
         Ok(())
     }
 
-    /// The request of the step at `index`; `None` for a rest.
+    /// The request of the step at `index`; `None` for a rest or a pause.
     #[must_use]
     pub fn request(&self, index: usize) -> Option<Request> {
         match self.steps.get(index)? {
@@ -84,7 +84,7 @@ impl Approved {
             }
             Step::Skip(skip) => Some(Request::Read { address: skip.condition.address, count: 1 }),
             Step::Await(wait) => Some(Request::Read { address: wait.condition.address, count: 1 }),
-            Step::Rest(_) => None,
+            Step::Rest(_) | Step::Pause(_) => None,
         }
     }
 }

@@ -186,6 +186,33 @@ impl<'a, 'p> Reader<'a, 'p> {
         }
     }
 
+    /// The optional list `key` of values and tables. One invalid element makes the whole list invalid; each invalid element
+    /// is reported.
+    pub fn values_or_tables<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Vec<Entry<'a, T>>> {
+        let right = format!("{}, or a table", kind.right());
+        #[cfg(test)]
+        self.note(key, Form::List, false, &right);
+        let Some((location, value)) = self.find(key) else { return OptionalKey::Absent };
+        let DeValue::Array(elements) = value else {
+            let what = format!("must be a list, not {}", kind_of(value));
+            self.problems.push(location.problem(what).right(format!("a list, each {right}")));
+            return OptionalKey::Invalid;
+        };
+        let mut list = Vec::new();
+        for (index, element) in elements.iter().enumerate() {
+            let place = location.element(index, element.span());
+            list.extend(match element.get_ref() {
+                DeValue::Table(table) => Some(Entry::Table(Section { table, location: place })),
+                value => self.read((place, value), kind).map(Entry::Value),
+            });
+        }
+        if list.len() == elements.len() {
+            OptionalKey::Valid(Spanned { value: list, location })
+        } else {
+            OptionalKey::Invalid
+        }
+    }
+
     /// The required table `key`.
     pub fn required_table(&mut self, key: &'static str) -> Option<Section<'a>> {
         #[cfg(test)]

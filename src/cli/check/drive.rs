@@ -127,8 +127,13 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
     Ok(())
 }
 
-/// How long the drive may take to follow the words before the run word.
+/// How long the drive may take to follow the words before the run word, and the pauses of a reset.
 fn start(text: &mut String, model: &Model) -> Result {
+    let pauses = model.reset_waits();
+    if !pauses.is_zero() {
+        let pauses = duration_text(pauses);
+        writeln!(text, "    pauses between the words of a reset: {pauses}; a stop does not wait for them")?;
+    }
     let count = model.start_steps().len();
     if count == 0 {
         return Ok(());

@@ -4,7 +4,7 @@
 use super::{Await, Condition, NoSteps, SHOWN_WITHIN, Skip, Step, StepPart, Write, order};
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Reason};
-use crate::profile::model::{Flag, Model, OrderKind, StartStep};
+use crate::profile::model::{Flag, Model, OrderKind, StartCondition, StartStep};
 use std::time::Duration;
 
 /// `steps` of a run order, with what goes before the frame that carries the run word.
@@ -33,7 +33,7 @@ fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let steps: Vec<Step> = starts.iter().flat_map(|step| written(address, step)).collect();
     let kept = if last.write.value == stop { written(address, last).len() } else { 0 };
     let count = steps.len() - kept;
-    let is_ready = (count > 0).then(|| Step::Skip(Skip { condition: met_after(last), count }));
+    let is_ready = met_after(last).filter(|_| count > 0).map(|condition| Step::Skip(Skip { condition, count }));
     let runs = Condition::flag(model, Flag::Running, true).ok_or(NoSteps::NotCapable)?;
     let all = is_ready.into_iter().chain(steps).collect::<Vec<_>>();
     Ok([Step::Skip(Skip { condition: runs, count: all.len() })].into_iter().chain(all).collect())
@@ -41,13 +41,18 @@ fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
 
 fn written(address: Address, step: &StartStep) -> [Step; 2] {
     let write = Write { address, value: step.write.value, part: StepPart::Start, shown: Vec::new() };
-    let condition = met_after(step);
-    [Step::Write(vec![write]), Step::Await(Await { condition, at_least: step.at_least, reason: Reason::NotReady })]
+    let wait = match met_after(step) {
+        Some(condition) => Step::Await(Await { condition, at_least: step.at_least, reason: Reason::NotReady }),
+        None => Step::Pause(step.at_least),
+    };
+    [Step::Write(vec![write]), wait]
 }
 
-/// What the drive shows once it has followed `step`.
-fn met_after(step: &StartStep) -> Condition {
-    Condition { address: step.address, mask: step.mask, values: step.values.clone(), is_one: true, within: step.within }
+/// What the drive shows once it has followed `step`; `None` if only time must pass.
+fn met_after(step: &StartStep) -> Option<Condition> {
+    let until = step.until.as_ref()?;
+    let StartCondition { address, mask, values, within } = until.clone();
+    Some(Condition { address, mask, values, is_one: true, within })
 }
 
 /// The direction. If its register can be read, the run word is sent only after it was read to hold the direction: an order

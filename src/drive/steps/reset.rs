@@ -12,14 +12,16 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let writes = model.reset_writes();
     let last = writes.len().checked_sub(1).ok_or(NoSteps::NotCapable)?;
     let is_seen = model.status_flag(Flag::Tripped).is_some();
-    let write = |(index, write): (usize, &ResetWrite)| {
+    let step = |(index, write): (usize, &ResetWrite)| {
         let ends = index == last;
         let part = StepPart::Reset { resets: write.resets, ends, is_seen };
         let shown = if ends { reset_shown(model) } else { Vec::new() };
-        Step::Write(vec![Write { address: write.address, value: write.value, part, shown }])
+        let pause = (!write.wait.is_zero()).then_some(Step::Pause(write.wait));
+        let write = Write { address: write.address, value: write.value, part, shown };
+        [Step::Write(vec![write])].into_iter().chain(pause)
     };
     let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
-    Ok(writes.iter().enumerate().map(write).chain(rest).collect())
+    Ok(writes.iter().enumerate().flat_map(step).chain(rest).collect())
 }
 
 /// The steps that clear the word of an interrupted reset: by a stop, or by the word that clears a register of its own. If

@@ -29,10 +29,11 @@ impl List {
         Next::Ends(Report { held: Some(word), register: Some(register), ..failed })
     }
 
-    /// How long its steps may wait for the drive, all together.
+    /// How long its steps may wait, all together.
     pub(super) fn waits(&self) -> Duration {
         let waits = self.approved.steps().iter().filter_map(|step| match step {
             Step::Await(wait) => Some(wait.at_least + wait.condition.within),
+            Step::Pause(pause) => Some(*pause),
             _ => None,
         });
         waits.sum()

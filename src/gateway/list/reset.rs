@@ -14,7 +14,12 @@ impl List {
         let (sent, left) = self.approved.steps().split_at_checked(index + usize::from(is_on_the_wire))?;
         let rest = left.iter().find_map(|step| match step {
             Step::Rest(rest) => Some(*rest),
-            Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Write(_) => None,
+            Step::Check { .. }
+            | Step::Require { .. }
+            | Step::Await(_)
+            | Step::Skip(_)
+            | Step::Pause(_)
+            | Step::Write(_) => None,
         })?;
         let resets = |write: &Write| matches!(write.part, StepPart::Reset { resets: true, .. });
         sent.iter().flat_map(writes_of).any(resets).then_some(rest)

@@ -115,7 +115,7 @@ fn a_reset_that_is_answered_rests_and_is_looked_at_afterwards() {
     assert_eq!(list.rest_at(NOW), None);
     sends(&mut list, 0);
     assert_eq!(holds(&mut list, 0, NOW), QUIETLY);
-    let until = list.rest_at(NOW).unwrap();
+    let (until, _) = list.rest_at(NOW).unwrap();
     assert_eq!(until, NOW + DEAF);
     assert_eq!(list.request(), None, "nothing is sent before");
     assert_eq!(list.rest(until), ACKNOWLEDGED);
@@ -129,7 +129,7 @@ fn a_stop_to_which_the_drive_is_deaf_goes_once_more_after_the_rest() {
     let mut list = reset_taken();
     sends(&mut list, 0);
     assert_eq!(list.unanswered(), QUIETLY);
-    let until = list.rest_at(NOW).unwrap();
+    let (until, _) = list.rest_at(NOW).unwrap();
     assert_eq!(list.rest(until), QUIETLY);
     assert_eq!(sends(&mut list, 0), until);
     assert_eq!(holds(&mut list, 0, until), ACKNOWLEDGED, "one rest is enough");
@@ -162,7 +162,7 @@ fn a_reset_word_without_an_answer_is_taken_back_and_settled_by_the_status_word()
         holds(&mut list, 0, NOW);
         sends(&mut list, 4);
         assert_eq!(list.unanswered(), IN_DOUBT);
-        let until = list.rest_at(NOW).unwrap();
+        let (until, _) = list.rest_at(NOW).unwrap();
         assert_eq!(list.rest(until), QUIETLY);
         sends(&mut list, 0);
         assert_eq!(holds(&mut list, 0, until), QUIETLY, "no acknowledgement of what was in doubt");
@@ -384,7 +384,7 @@ fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
     assert_eq!((start.may_go(soon, 0), start.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
     assert_eq!(reset_taken().may_go(late, 0), Ok(()), "the reset word must not stay");
     let mut ends_with_it = model();
-    ends_with_it.run.as_mut().unwrap().reset_sequence = vec![0, 4];
+    ends_with_it.run.as_mut().unwrap().reset_sequence.truncate(2);
     let mut last_resets = list(&ends_with_it, Order::Reset);
     sends(&mut last_resets, 0);
     assert_eq!(holds(&mut last_resets, 0, NOW), QUIETLY);

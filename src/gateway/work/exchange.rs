@@ -222,8 +222,10 @@ impl DriveWork {
         if matches!(ending, Ending::Reply(_)) && !refused {
             written.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure(), now));
         }
-        if let (Next::Goes(report), Some(until)) = (next, list.rest_at(now)) {
-            self.rest_until = Some(until);
+        if let (Next::Goes(report), Some((until, is_deaf))) = (next, list.rest_at(now)) {
+            if is_deaf {
+                self.rest_until = Some(until);
+            }
             next = match list.rest(until) {
                 Next::Goes(later) => Next::Goes(report.or(later)),
                 ends @ Next::Ends(_) => ends,

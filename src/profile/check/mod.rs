@@ -5,6 +5,7 @@ mod keys;
 mod link;
 mod orders;
 mod registers;
+mod reset;
 mod run;
 mod run_word;
 mod setup;

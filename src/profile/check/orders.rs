@@ -1,11 +1,11 @@
-//! The rules for where orders are written: their registers, the direction, and the word that clears a reset.
+//! The rules for where orders are written: their registers, the direction.
 
 use super::keys::there;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, PlacesFile, RunFile};
 use crate::profile::model::{Memory, OrderKind, Role};
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{Location, Spanned};
 use std::collections::BTreeMap;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -17,7 +17,6 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     words_differ(run, problems);
     stop_replaces_run(run, problems);
-    reset_is_cleared(run, problems);
     direction_is_whole(run, problems);
 }
 
@@ -90,25 +89,6 @@ fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
     let what = format!("a stop does not replace the word of {}, which stays in its register", first.word());
     let right = "stop, forward and reverse in one register, or with form = \"values\" a stop in one of its own";
     problems.push(location.location.problem(what).right(right));
-}
-
-/// `clear` and `reset_sequence` exclude each other: a reset in a register of its own is a stop, the reset, and `clear`.
-fn reset_is_cleared(run: &RunFile, problems: &mut Vec<Problem>) {
-    let register = run.places.named(OrderKind::Reset);
-    if let (Some(_), OptionalKey::Valid(sequence)) = (register, &run.reset_sequence) {
-        let problem = sequence.location.problem("a reset in a register of its own is a stop, the reset and `clear`");
-        problems.push(problem.right("leave it out"));
-    }
-    let Some(clear) = &run.places.clear else { return };
-    let Some(register) = register else {
-        let problem = clear.location.problem("only a register of the reset alone is cleared");
-        return problems.push(problem.right("`register` beside it, or `reset_sequence`"));
-    };
-    let is_same = |kind| run.places.named(kind).map(|name| &name.value) == Some(&register.value);
-    if run.words().any(|(kind, word)| is_same(kind) && word.value == clear.value) {
-        let problem = clear.location.problem(format!("the word {} is an order in this register", clear.value));
-        problems.push(problem.right("a word that orders nothing"));
-    }
 }
 
 /// The direction is given by two different words, and by nothing else.

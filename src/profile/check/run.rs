@@ -1,20 +1,15 @@
 //! The rules between the keys of `[run]`.
 
-use super::run_word;
+use super::{reset, run_word};
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, RunFile};
-use crate::profile::model::{OrderKind, Role};
+use crate::profile::model::Role;
 use crate::profile::register::RegisterFile;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
-/// Maximum length of a reset sequence, in words.
-const RESET_WORDS_MAX: usize = 8;
-
 pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     forbidden_words_are_no_commands(run, problems);
-    if run.places.named(OrderKind::Reset).is_none() {
-        reset_is_framed(run, location, problems);
-    }
+    reset::check(run, location, problems);
     match run.form.as_ref().map(|form| form.value) {
         None => {}
         Some(FormWord::Values) => run_word::values_have_no_bits(run, problems),
@@ -39,46 +34,6 @@ fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
         if let Some((_, word)) = run.words().find(|(kind, word)| word.value == *never && is_there(*kind)) {
             let what = format!("the word {} is the command {}", shown(*never, run), word.location.key);
             problems.push(location.problem(what).right("a word that is not a command"));
-        }
-    }
-}
-
-/// A reset starts with a stop and never contains an order to run; with bits it also ends with a stop, which clears the
-/// reset bit.
-fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
-    let Some(reset) = run.reset.as_ref() else {
-        if let OptionalKey::Valid(sequence) = &run.reset_sequence {
-            problems.push(
-                sequence
-                    .location
-                    .problem("`reset` is missing")
-                    .right("the word for `reset`, if the documents state one, or leave it out"),
-            );
-        }
-        return;
-    };
-    let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else { return };
-    let reset = reset.value;
-    let stop = stop.value;
-    let ends_with_stop = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
-    let mut example = vec![shown(stop, run), shown(reset, run)];
-    example.extend(ends_with_stop.then(|| shown(stop, run)));
-    let right = format!("[{}], or up to {RESET_WORDS_MAX} words of these only", example.join(", "));
-    match &run.reset_sequence {
-        OptionalKey::Absent => {
-            let what = "`reset_sequence` is left out, and `reset` is given";
-            problems.push(location.missing("reset_sequence").problem(what).right(right));
-        }
-        OptionalKey::Invalid => {}
-        OptionalKey::Valid(sequence) => {
-            let words: Vec<u16> = sequence.value.iter().map(|word| word.value).collect();
-            let framed = words.first() == Some(&stop) && (!ends_with_stop || words.last() == Some(&stop));
-            let only = words.iter().all(|word| *word == stop || *word == reset) && words.contains(&reset);
-            if !(framed && only && words.len() <= RESET_WORDS_MAX) {
-                let end = if ends_with_stop { " and ends with one" } else { "" };
-                let what = format!("a reset starts with a stop{end}, and contains only stop and reset");
-                problems.push(sequence.location.problem(what).right(right));
-            }
         }
     }
 }

@@ -5,7 +5,7 @@ use super::{run, run_word};
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, RunFile, StartStepFile};
 use crate::profile::model::{Flag, OrderKind, Role};
-use crate::toml_file::Spanned;
+use crate::toml_file::{OptionalKey, Spanned};
 
 /// Maximum number of words before the run word.
 const STEPS_MAX: usize = 8;
@@ -40,6 +40,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for word in run.start.words() {
         moves_nothing(word, run, problems);
     }
+    turns_nothing_off(run, problems);
     if with_role(&[Role::OutputFrequency], &file.registers).is_none() && shows_running {
         let problem = first.location.problem("nothing shows whether the motor turns");
         problems.push(problem.right("a register with `role = \"output-frequency\"`"));
@@ -48,13 +49,21 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// The register of the condition is readable, its words fit the mask, and the times leave room for it.
 fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    if let (Some(least), Some(within)) = (step.at_least.valid(), &step.within)
+    let until = match &step.until {
+        OptionalKey::Absent => return waits_by_time(step, problems),
+        OptionalKey::Invalid => return,
+        OptionalKey::Valid(until) => &until.value,
+    };
+    if matches!(step.within, OptionalKey::Absent) {
+        let problem = step.location.missing("within").problem("`within` is missing");
+        problems.push(problem.right("how long the drive may take to show what `until` says"));
+    }
+    if let (Some(least), Some(within)) = (step.at_least.valid(), step.within.valid())
         && least.value > within.value
     {
         let problem = least.location.problem("is longer than `within`");
         problems.push(problem.right("a shorter time, or a longer `within`"));
     }
-    let Some(until) = &step.until else { return };
     if let Some(name) = &until.register {
         readable(name, &file.registers, problems);
     }
@@ -62,6 +71,38 @@ fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<P
     for Spanned { value, location } in values.value.iter().filter(|word| word.value & !mask != 0) {
         let problem = location.problem(format!("0x{value:04X} has bits outside the mask 0x{mask:04X}"));
         problems.push(problem.right(format!("0x{:04X}, or a wider mask", value & mask)));
+    }
+}
+
+/// A word after which nothing is read: its time is all that is known of it.
+fn waits_by_time(step: &StartStepFile, problems: &mut Vec<Problem>) {
+    if let Some(within) = step.within.valid() {
+        let problem = within.location.problem("nothing is waited for");
+        problems.push(problem.right("`until` beside it, or `at_least` in its place"));
+    }
+    let right = "`until`, or how long the drive takes to follow the word";
+    match &step.at_least {
+        OptionalKey::Absent if step.within.valid().is_none() => {
+            let problem = step.location.missing("at_least").problem("nothing comes between this word and the next");
+            problems.push(problem.right(right));
+        }
+        OptionalKey::Valid(least) if least.value.is_zero() => {
+            problems.push(least.location.problem("is no time for the drive to follow the word").right(right));
+        }
+        OptionalKey::Absent | OptionalKey::Invalid | OptionalKey::Valid(_) => {}
+    }
+}
+
+/// Where nothing shows that the drive is ready for the run word, all words go out whatever it does, as while its motor still
+/// ramps down. Only the stop is sure to change nothing then.
+fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
+    let is_shown = run.start.steps.last().is_some_and(|last| !matches!(last.until, OptionalKey::Absent));
+    let Some(stop) = run.stop.value.as_ref().filter(|_| !is_shown) else { return };
+    let words = run.start.steps.iter().filter_map(|step| step.write.as_ref());
+    for word in words.filter(|word| word.value != stop.value) {
+        let what = format!("the word {} may cut off a motor that still ramps down", run::shown(word.value, run));
+        let right = format!("`until` in the last `[[run.start]]`, or the stop {}", run::shown(stop.value, run));
+        problems.push(word.location.problem(what).right(right));
     }
 }
 
@@ -87,6 +128,7 @@ mod tests {
     use crate::profile::testing::told_with;
 
     const START: &str = include_str!("../../../tests/golden/models/start.toml");
+    const BY_TIME: &str = include_str!("../../../tests/golden/models/by-time.toml");
     const FIRST: &str = "values = [0x0021] }\nwithin = \"2s\"";
 
     fn each_is_told(changes: &[(&str, &str, &str)]) {
@@ -128,7 +170,33 @@ mod tests {
                 "",
                 "run.start[0]: nothing shows whether the motor turns -> a register with `role = \"output-frequency\"`",
             ),
+            (
+                "until = { register = \"status\", mask = 0x006F, values = [0x0023] }\n",
+                "",
+                "run.start[1].within: nothing is waited for -> `until` beside it, or `at_least` in its place",
+            ),
         ]);
+    }
+
+    #[test]
+    fn a_step_by_time_has_a_time_and_cuts_nothing_off() {
+        const LEAST: &str = "at_least = \"100ms\"\n";
+        let told = |from: &str, to: &str| told_with(BY_TIME, from, to).replace("\n    right: ", " -> ");
+        check::model(BY_TIME).unwrap();
+        let found = told(LEAST, "");
+        assert!(
+            found.contains("run.start[0].at_least: nothing comes between this word and the next -> `until`"),
+            "{found}"
+        );
+        let found = told(LEAST, "at_least = \"0s\"\n");
+        assert!(found.contains("run.start[0].at_least: is no time for the drive to follow the word"), "{found}");
+        let found = told("write = 0x047E", "write = 0x047C");
+        let expected = "run.start[0].write: the word 1148 may cut off a motor that still ramps down -> \
+                        `until` in the last `[[run.start]]`, or the stop 1150";
+        assert!(found.contains(expected), "{found}");
+        // A word before one with `until` may be left out.
+        let first = "until = { register = \"status\", mask = 0x006F, values = [0x0021] }\nwithin = \"2s\"";
+        check::model(&START.replace(first, "at_least = \"2s\"")).unwrap();
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::facts::{FactFile, Facts, optional};
 use super::orders::PlacesFile;
+use super::reset::{self, ResetStepFile};
 use super::run_word::{BitFile, FieldFile};
 use super::start::StartFile;
 use crate::profile::model::{OrderKind, RunCommand, RunForm, WordSenses, ZeroWord};
@@ -32,7 +33,7 @@ pub(in crate::profile) struct RunFile {
     pub coast: Option<FactFile<u16>>,
     pub reset: Option<FactFile<u16>>,
     pub release: Option<FactFile<u16>>,
-    pub reset_sequence: OptionalKey<Vec<Spanned<u16>>>,
+    pub reset_sequence: OptionalKey<Vec<ResetStepFile>>,
     pub zero: Option<FactFile<ZeroWord>>,
     pub places: PlacesFile,
     pub start: StartFile,
@@ -40,7 +41,6 @@ pub(in crate::profile) struct RunFile {
 
 impl RunFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let word = Kind::number(0..=u16::MAX);
         let mut places = PlacesFile::default();
         let mut run = Self {
             form: reader.required("form", &Kind::one_of(&FORMS)),
@@ -53,7 +53,7 @@ impl RunFile {
             coast: places.optional_order(facts, &mut reader, OrderKind::Coast),
             reset: places.optional_order(facts, &mut reader, OrderKind::Reset),
             release: places.optional_order(facts, &mut reader, OrderKind::Release),
-            reset_sequence: reader.list("reset_sequence", &word),
+            reset_sequence: reset::read(&mut reader),
             zero: facts.optional_value(&mut reader, "zero", &Kind::choice(&ZERO_WORDS, zero_means)),
             places: PlacesFile::default(),
             start: StartFile::read(facts, &mut reader),
@@ -114,11 +114,7 @@ impl RunFile {
             coast: optional(self.coast.as_ref())?,
             reset: optional(self.reset.as_ref())?,
             release: optional(self.release.as_ref())?,
-            reset_sequence: match &self.reset_sequence {
-                OptionalKey::Absent => Vec::new(),
-                OptionalKey::Invalid => return None,
-                OptionalKey::Valid(sequence) => sequence.value.iter().map(|word| word.value).collect(),
-            },
+            reset_sequence: reset::ready(&self.reset_sequence, registers)?,
             never: self.places.own_never()?,
             zero: optional(self.zero.as_ref())?,
             places: self.places.ready(registers)?,

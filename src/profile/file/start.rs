@@ -1,7 +1,7 @@
 //! `[[run.start]]` and `take_back` of `[run]`: a start in several words.
 
 use super::facts::{FactFile, Facts, Origin, fact, filled_with, optional};
-use crate::profile::model::{Start, StartStep};
+use crate::profile::model::{Start, StartCondition, StartStep};
 use crate::profile::register::{RegisterFile, address_of};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
@@ -21,9 +21,10 @@ pub(in crate::profile) struct StartFile {
 pub(in crate::profile) struct StartStepFile {
     pub location: Location,
     pub write: RequiredKey<u16>,
-    pub until: Option<UntilFile>,
+    /// Absent: only time must pass.
+    pub until: OptionalKey<UntilFile>,
     pub at_least: OptionalKey<Duration>,
-    pub within: RequiredKey<Duration>,
+    pub within: OptionalKey<Duration>,
     origin: Option<Origin>,
 }
 
@@ -62,20 +63,17 @@ impl StartStepFile {
         let step = Self {
             location: reader.location().clone(),
             write: reader.required("write", &word),
-            until: reader.required_table("until").map(|section| {
-                let mut reader = reader.open(section);
-                let until = UntilFile {
-                    register: reader.required("register", &Kind::text()),
-                    mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
-                    values: reader
-                        .required_list("values", &word)
-                        .and_then(|values| filled_with(values, &word, reader.problems())),
-                };
-                reader.finish();
-                until
-            }),
+            until: match reader.table("until") {
+                OptionalKey::Absent => OptionalKey::Absent,
+                OptionalKey::Invalid => OptionalKey::Invalid,
+                OptionalKey::Valid(section) => {
+                    let location = section.location;
+                    let value = UntilFile::read(reader.open(section.value));
+                    OptionalKey::Valid(Spanned { value, location })
+                }
+            },
             at_least: reader.optional("at_least", &Kind::duration(Duration::ZERO..=WITHIN_MAX)),
-            within: reader.required("within", &Kind::duration(Duration::from_millis(1)..=WITHIN_MAX)),
+            within: reader.optional("within", &Kind::duration(Duration::from_millis(1)..=WITHIN_MAX)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -83,14 +81,39 @@ impl StartStepFile {
     }
 
     fn ready(&self, registers: &[RegisterFile]) -> Option<StartStep> {
-        let until = self.until.as_ref()?;
+        let until = match &self.until {
+            OptionalKey::Absent => None,
+            OptionalKey::Invalid => return None,
+            OptionalKey::Valid(until) => Some(until.value.ready(self.within.valid()?.value, registers)?),
+        };
         Some(StartStep {
             write: fact(self.write.as_ref()?.value, self.origin.as_ref())?,
-            address: address_of(&until.register.as_ref()?.value, registers)?,
-            mask: until.mask.or(u16::MAX)?,
-            values: until.values.as_ref()?.value.iter().map(|word| word.value).collect(),
+            until,
             at_least: self.at_least.or(Duration::ZERO)?,
-            within: self.within.as_ref()?.value,
+        })
+    }
+}
+
+impl UntilFile {
+    fn read(mut reader: Reader<'_, '_>) -> Self {
+        let word = Kind::number(0..=u16::MAX);
+        let until = Self {
+            register: reader.required("register", &Kind::text()),
+            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            values: reader
+                .required_list("values", &word)
+                .and_then(|values| filled_with(values, &word, reader.problems())),
+        };
+        reader.finish();
+        until
+    }
+
+    fn ready(&self, within: Duration, registers: &[RegisterFile]) -> Option<StartCondition> {
+        Some(StartCondition {
+            address: address_of(&self.register.as_ref()?.value, registers)?,
+            mask: self.mask.or(u16::MAX)?,
+            values: self.values.as_ref()?.value.iter().map(|word| word.value).collect(),
+            within,
         })
     }
 }

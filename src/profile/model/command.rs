@@ -1,6 +1,6 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
-use super::{Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, Role, RunForm, Start, ZeroWord};
+use super::{Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, ZeroWord};
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
 use crate::domain::link::Interface;
@@ -24,7 +24,7 @@ pub struct RunCommand {
     pub release: Option<Fact<u16>>,
     /// The words written in turn to reset a trip: a stop first, then `reset` and stops only; with bits, a stop last,
     /// which clears the reset bit. Empty if the model has no reset, or writes it to another register than the stop.
-    pub reset_sequence: Vec<u16>,
+    pub reset_sequence: Vec<ResetStep>,
     /// Words that are never written, whatever a client asks for: the drive's reaction to them is unknown.
     pub never: Vec<Fact<u16>>,
     /// What the drive does with an all-zero word, if the file says it beside the commands.
@@ -36,6 +36,12 @@ pub struct RunCommand {
 }
 
 impl RunCommand {
+    /// The words of `reset_sequence`.
+    #[must_use]
+    pub fn reset_words(&self) -> Vec<u16> {
+        self.reset_sequence.iter().map(|step| step.value).collect()
+    }
+
     /// The word of the order `kind`; `None` if the model lacks it.
     #[must_use]
     pub const fn word(&self, kind: OrderKind) -> Option<&Fact<u16>> {

@@ -23,12 +23,12 @@ pub use evidence::SecondSource;
 pub use form::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
-pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetWrite};
+pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetStep, ResetWrite};
 pub use parameter::ParameterKind;
 pub use read::{Boundary, Holes, ReadArea, ReadLimits};
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
-pub use start::{Start, StartStep};
+pub use start::{Start, StartCondition, StartStep};
 pub use status::{Barrier, BarrierRead, CodeText, ExceptionKind, Flag, Quirks, StatusFlag};
 
 use crate::domain::address::Address;

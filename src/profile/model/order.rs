@@ -2,6 +2,7 @@
 
 use super::{Fact, Model, OrderedWord, Role};
 use crate::domain::address::Address;
+use std::time::Duration;
 
 /// What a run command orders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -63,6 +64,17 @@ pub struct DirectionWords {
     pub reverse: Option<u16>,
 }
 
+/// One word of a reset as its sequence has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ResetStep {
+    /// The reset's own register, if the word is written there.
+    pub address: Option<Address>,
+    /// The word.
+    pub value: u16,
+    /// How long nothing is written after it.
+    pub wait: Duration,
+}
+
 /// One write of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResetWrite {
@@ -72,6 +84,8 @@ pub struct ResetWrite {
     pub value: u16,
     /// It resets. All others stop the motor or clear the reset.
     pub resets: bool,
+    /// How long nothing is written after it.
+    pub wait: Duration,
 }
 
 impl Model {
@@ -125,8 +139,11 @@ impl Model {
     /// The writes of a reset, in order: a stop first. Empty if the model has no reset.
     #[must_use]
     pub fn reset_writes(&self) -> Vec<ResetWrite> {
-        let order =
-            |kind, resets| self.order(kind).map(|(address, fact)| ResetWrite { address, value: fact.value, resets });
+        let wait = Duration::ZERO;
+        let order = |kind, resets| {
+            let (address, fact) = self.order(kind)?;
+            Some(ResetWrite { address, value: fact.value, resets, wait })
+        };
         let (Some(stop), Some(reset)) = (order(OrderKind::Stop, false), order(OrderKind::Reset, true)) else {
             return Vec::new();
         };
@@ -138,8 +155,20 @@ impl Model {
             let clear = run.places.clear.map(|value| ResetWrite { value, resets: false, ..reset });
             return [stop, reset].into_iter().chain(clear).collect();
         }
-        let write = |word: &u16| if *word == reset.value { reset } else { stop };
+        let is_apart = run.places.registers.iter().any(|(kind, _)| *kind == OrderKind::Reset);
+        let write = |step: &ResetStep| {
+            let is_there = if is_apart { step.address == Some(reset.address) } else { true };
+            let resets = is_there && step.value == reset.value;
+            let address = if resets { reset.address } else { step.address.unwrap_or(stop.address) };
+            ResetWrite { address, value: step.value, resets, wait: step.wait }
+        };
         run.reset_sequence.iter().map(write).collect()
+    }
+
+    /// The pauses of a reset, all together.
+    #[must_use]
+    pub fn reset_waits(&self) -> Duration {
+        self.reset_writes().iter().map(|write| write.wait).sum()
     }
 
     /// The write that clears a reset whose word was left in its register; `None` if a reset leaves none there.

@@ -13,21 +13,36 @@ pub struct Start {
     pub take_back: Option<Fact<u16>>,
 }
 
-/// One word of a start, and what the drive must show before the next.
+/// One word of a start, and what must come before the next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StartStep {
     /// The word, written to the register of the run word.
     pub write: Fact<u16>,
-    /// The register that shows its effect.
+    /// What the drive must show; `None`: only time must pass.
+    pub until: Option<StartCondition>,
+    /// How long after the write the register is read at the earliest, or the next word follows.
+    pub at_least: Duration,
+}
+
+/// What the drive shows once it has followed a word of a start.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StartCondition {
+    /// The register that shows it.
     pub address: Address,
     /// The bits that count.
     pub mask: u16,
     /// The masked words, one of which it must hold.
     pub values: Vec<u16>,
-    /// How long after the write it is read at the earliest.
-    pub at_least: Duration,
     /// How long the drive may take to show it.
     pub within: Duration,
+}
+
+impl StartStep {
+    /// The longest time between the word and the next one.
+    #[must_use]
+    pub fn longest(&self) -> Duration {
+        self.at_least + self.until.as_ref().map_or(Duration::ZERO, |until| until.within)
+    }
 }
 
 impl Model {
@@ -44,9 +59,9 @@ impl Model {
         Some(run.start.take_back.as_ref().unwrap_or(&run.stop).value)
     }
 
-    /// The longest time that the drive may take to follow the steps before the run word.
+    /// The longest time that passes between the first word of a start and the run word.
     #[must_use]
     pub fn start_waits(&self) -> Duration {
-        self.start_steps().iter().map(|step| step.at_least + step.within).sum()
+        self.start_steps().iter().map(|step| step.longest()).sum()
     }
 }

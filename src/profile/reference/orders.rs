@@ -53,7 +53,19 @@ pub(super) const ORDERS: &[Section] = &[
                 "reset_sequence",
                 "required with a `reset` that has no register of its own",
                 "The words of a reset in the order in which they are written: `stop` first, then only `reset` and `stop`; with \
-                 bits `stop` is also the last, because it clears the reset bit. At most 8.",
+                 bits `stop` is also the last, because it clears the reset bit. At most 8. A word may be a table with the keys below.",
+            ),
+            (
+                "reset_sequence.register",
+                "the one for run commands",
+                "The name of the reset's own register, for `reset` and `clear`; `clear` is then the last word.",
+            ),
+            ("reset_sequence.value", "", "The word."),
+            (
+                "reset_sequence.wait",
+                "none",
+                "How long nothing is written after the word; at most 20 s together. A stop does not wait, and nothing of the \
+                 reset follows it but what clears the word.",
             ),
             (
                 "zero",
@@ -111,12 +123,21 @@ pub(super) const ORDERS: &[Section] = &[
                ramps down, gets the run word only as well, or the last of them and the run word where the last is `stop`.",
         keys: &[
             ("write", "", "The word. It neither runs nor resets."),
-            ("until", "", "What the drive must show before the next word."),
+            ("until", "only time must pass", "What the drive must show before the next word."),
             ("until.register", "", "The name of the readable register that shows it."),
             ("until.mask", "the whole word", "The bits that count."),
             ("until.values", "", "The masked words, one of which it must hold."),
-            ("at_least", "`\"0s\"`", "How long after the write the register is read at the earliest."),
-            ("within", "", "How long the drive may take. If it takes longer, the start is taken back and has failed."),
+            (
+                "at_least",
+                "`\"0s\"`, required without `until`",
+                "How long after the write the register is read at the earliest; without `until`, when the next word follows. \
+                 Where the last word has no `until`, all of them are `stop`: they go out while the motor may still ramp down.",
+            ),
+            (
+                "within",
+                "required with `until`",
+                "How long the drive may take. If it takes longer, the start is taken back and has failed.",
+            ),
         ],
     },
     Section {

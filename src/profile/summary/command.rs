@@ -42,7 +42,11 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
             let clears = Some(write.address) != model.order_address(OrderKind::Stop);
             if write.resets || clears { OrderKind::Reset } else { OrderKind::Stop }
         };
-        rows.push(vec!["a reset is".to_owned(), list(writes.iter().map(|write| of(kind(write), write.value)))]);
+        let text = |write: &ResetWrite| {
+            let wait = if write.wait.is_zero() { String::new() } else { format!(" for {}", duration_text(write.wait)) };
+            of(kind(write), write.value) + &wait
+        };
+        rows.push(vec!["a reset is".to_owned(), list(writes.iter().map(text))]);
     }
     rows.extend(zero(run));
     if let RunForm::Bits { priority: priority @ 1.., .. } = run.form {
@@ -51,15 +55,20 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
     rows
 }
 
-/// The words before the run word, each with what the drive must show after it.
+/// The words before the run word, each with what must come after it.
 fn starts(model: &Model, run: &RunCommand) -> Vec<Row> {
     let row_of = |step: &StartStep| {
-        let words = choice(step.values.iter().map(|word| format!("0x{word:04X}")));
-        let shown = format!("{} & 0x{:04X} = {words}", name_at(model, step.address), step.mask);
+        let word = step.write.value;
+        let Some(until) = &step.until else {
+            let text = format!("0x{word:04X}, then {}", duration_text(step.at_least));
+            return row("before run", text, &step.write);
+        };
+        let words = choice(until.values.iter().map(|word| format!("0x{word:04X}")));
+        let shown = format!("{} & 0x{:04X} = {words}", name_at(model, until.address), until.mask);
         let least =
             if step.at_least.is_zero() { String::new() } else { format!("after {}, ", duration_text(step.at_least)) };
-        let within = duration_text(step.within);
-        row("before run", format!("0x{:04X}, until {shown}, {least}at most {within}", step.write.value), &step.write)
+        let within = duration_text(until.within);
+        row("before run", format!("0x{word:04X}, until {shown}, {least}at most {within}"), &step.write)
     };
     let mut rows: Vec<_> = run.start.steps.iter().map(row_of).collect();
     let back = run.start.take_back.iter();

@@ -92,6 +92,8 @@ mod tests {
         golden("coils.txt", &summary(&check::model(text).unwrap()));
         let text = include_str!("../../../tests/golden/models/start.toml");
         golden("start.txt", &summary(&check::model(text).unwrap()));
+        let text = include_str!("../../../tests/golden/models/by-time.toml");
+        golden("by-time.txt", &summary(&check::model(text).unwrap()));
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub(super) struct Control {
     reset_held: bool,
     /// The reset word stands in a register of its own.
     pub(super) reset_stands: bool,
+    /// When the drive obeys a reset word that must stand for a while.
+    reset_due: Option<MonoTime>,
 }
 
 /// Accumulated running time.
@@ -72,8 +74,27 @@ impl SimDrive {
             self.turn(at, wish);
         }
         if wish.reset && is_edge && self.tripped {
-            self.reset(at);
+            let wait = self.model.reset_writes().iter().find(|write| write.resets).map(|write| write.wait);
+            match wait.filter(|wait| !wait.is_zero()) {
+                Some(wait) => self.control.reset_due = Some(at + wait),
+                None => self.reset(at),
+            }
         }
+    }
+
+    /// A reset word that has stood for as long as it must takes effect.
+    pub(super) fn follow_reset(&mut self, at: MonoTime) {
+        if let Some(due) = self.control.reset_due.take_if(|due| *due <= at)
+            && self.tripped
+            && self.powered
+        {
+            self.reset(due);
+        }
+    }
+
+    /// Another word takes the place of a reset word.
+    pub(super) const fn end_reset(&mut self) {
+        self.control.reset_due = None;
     }
 
     /// The direction of a motor that is ordered to move like this; 0 if it is to stand still.

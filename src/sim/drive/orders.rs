@@ -23,6 +23,9 @@ impl SimDrive {
             self.report.forbidden_words += 1;
             return Err(Objection::Value);
         }
+        if self.model.order_address(OrderKind::Reset) == Some(address) {
+            self.end_reset();
+        }
         if self.model.direction_at(address).is_some() {
             return self.take_direction(at, place, word);
         }

@@ -11,6 +11,8 @@ use crate::profile::model::OrderKind;
 pub(super) struct Readiness {
     /// Number of words that the drive has followed.
     followed: usize,
+    /// When it was given the last of them.
+    since: MonoTime,
     /// The drive follows none of them, as with an open enable terminal.
     is_held_back: bool,
     /// It shows `running` as long as it is ordered to run, and not while the motor still ramps down.
@@ -60,10 +62,11 @@ impl SimDrive {
         match step {
             Some(step) if self.start.followed >= step && !self.start.is_held_back && !self.tripped => {
                 self.start.followed = step + 1;
+                self.start.since = at;
             }
             Some(_) => {}
             None if is_taken_back && !is_stop => self.start.followed = 0,
-            None if runs && self.start.followed < count => {
+            None if runs && !(self.start.followed == count && self.has_settled(at)) => {
                 self.take(place, word);
                 return true;
             }
@@ -77,6 +80,12 @@ impl SimDrive {
             self.run(at, 0, false);
         }
         true
+    }
+
+    /// Whether the drive has had its time after the last word of the start, if time is all that it needs.
+    fn has_settled(&self, at: MonoTime) -> bool {
+        let last = self.model.start_steps().last().filter(|step| step.until.is_none());
+        last.is_none_or(|step| self.control.direction != 0 || at.since(self.start.since) >= step.at_least)
     }
 
     /// Whether the drive shows that it runs.
@@ -93,8 +102,9 @@ impl SimDrive {
     pub(super) fn with_readiness(&self, at: MonoTime, address: Address, word: u16) -> u16 {
         let last = self.start.followed.checked_sub(1).and_then(|last| self.model.start_steps().get(last));
         let runs = self.shows_running(at);
-        match last.filter(|step| step.address == address && !self.tripped && !runs) {
-            Some(step) => (word & !step.mask) | step.values.first().copied().unwrap_or_default(),
+        let until = last.and_then(|step| step.until.as_ref());
+        match until.filter(|until| until.address == address && !self.tripped && !runs) {
+            Some(until) => (word & !until.mask) | until.values.first().copied().unwrap_or_default(),
             None => word,
         }
     }

@@ -18,6 +18,7 @@ enum Reaction {
 impl SimDrive {
     /// Lets time pass until `at`: the watchdog may act.
     pub fn advance(&mut self, at: MonoTime) {
+        self.follow_reset(at);
         let Some(due) = self.watchdog_due().filter(|due| *due <= at) else { return };
         self.has_expired = true;
         self.report.watchdog_expiries += 1;

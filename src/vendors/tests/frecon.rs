@@ -229,7 +229,7 @@ fn run_commands_are_those_of_the_manual() {
     let [stop, forward, reverse, coast, reset] = [5, 1, 2, 6, 7].map(|word| Some((word, SecondSource)));
     assert_eq!(run_words(&model), [stop, forward, reverse, coast, reset, None]);
     let run = model.run.as_ref().unwrap();
-    assert_eq!((&run.form, &run.reset_sequence[..]), (&RunForm::Values, &[5, 7][..]));
+    assert_eq!((&run.form, run.reset_words()), (&RunForm::Values, vec![5, 7]));
     assert_eq!(run.never.iter().map(parts).collect::<Vec<_>>(), [(3, SecondSource), (4, SecondSource)]);
 }
 

@@ -143,7 +143,7 @@ fn run_commands_are_those_of_the_manual() {
     let [stop, forward, reverse] = [0, 1, 2].map(|word| Some((word, Manual)));
     assert_eq!(run_words(&model), [stop, forward, reverse, None, Some((4, Manual)), None]);
     let run = model.run.as_ref().unwrap();
-    assert_eq!(run.reset_sequence, [0, 4, 0]);
+    assert_eq!(run.reset_words(), [0, 4, 0]);
     assert_eq!(run.never.iter().map(|fact| fact.value).collect::<Vec<_>>(), [3]);
     let RunForm::Bits { bits, priority, .. } = &run.form else { panic!("bits") };
     let bits: Vec<_> = bits.iter().map(|bit| (bit.bit.value, bit.meaning, bit.bit.confidence)).collect();

@@ -232,7 +232,7 @@ fn run_commands_are_those_of_the_sheet() {
         let [stop, forward, reverse] = [(0, others), (1, shown), (3, others)].map(Some);
         assert_eq!(run_words(&model), [stop, forward, reverse, None, Some((8, Sibling)), None]);
         let run = model.run.as_ref().unwrap();
-        assert_eq!((&run.reset_sequence[..], &run.never[..]), (&[0, 8, 0][..], &[][..]));
+        assert_eq!((run.reset_words(), &run.never[..]), (vec![0, 8, 0], &[][..]));
         let RunForm::Bits { bits, priority, .. } = &run.form else { panic!("bits") };
         let first: Vec<_> = bits.iter().take(4).map(|bit| (bit.bit.value, bit.meaning, bit.bit.confidence)).collect();
         let expected = [(0, Run, others), (1, Reverse, others), (2, Trip, Sibling), (3, Reset, Sibling)];

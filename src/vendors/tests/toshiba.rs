@@ -307,7 +307,7 @@ fn run_commands_are_those_of_the_sheet() {
         let found: Vec<_> = bits.iter().map(|bit| (bit.bit.value, bit.meaning)).collect();
         assert_eq!(found, (0..).zip(meanings).collect::<Vec<_>>());
         assert_eq!(*priority, 0xC000);
-        assert_eq!(run.reset_sequence, [0xC000, 0xE000, 0xC000]);
+        assert_eq!(run.reset_words(), [0xC000, 0xE000, 0xC000]);
         let proven: Vec<_> =
             bits.iter().filter(|bit| bit.bit.confidence.is_proven()).map(|bit| bit.bit.value).collect();
         assert_eq!(proven, NOTHING_PROVEN, "the manual shows the sum of three bits alone");
