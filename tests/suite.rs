@@ -55,10 +55,10 @@ mod ascii_line;
 mod back_doors;
 #[path = "scenarios/barriers.rs"]
 mod barriers;
-#[path = "scenarios/coils.rs"]
-mod coils;
 #[path = "scenarios/by_time.rs"]
 mod by_time;
+#[path = "scenarios/coils.rs"]
+mod coils;
 #[path = "scenarios/commander_lost.rs"]
 mod commander_lost;
 #[path = "scenarios/commands.rs"]

@@ -89,7 +89,7 @@ fn conditions_are_of_bits(file: &ModelFile, problems: &mut Vec<Problem>) {
         is_a_bit(name(&identity.value.register).as_deref(), identity.value.mask.valid(), words, all, problems);
     }
     let steps = file.run.valid().into_iter().flat_map(|run| &run.value.start.steps);
-    for until in steps.filter_map(|step| step.until.as_ref()) {
+    for until in steps.filter_map(|step| step.until.valid()).map(|until| &until.value) {
         let words = until.values.iter().flat_map(|words| &words.value);
         is_a_bit(name(&until.register).as_deref(), until.mask.valid(), words, all, problems);
     }
@@ -257,7 +257,8 @@ mod tests {
         let by_bit =
             |values: &str| text.replacen(until, &format!("until = {{ register = \"followed\", {values} }}"), 1);
         let model = check::model(&by_bit("values = [1]")).unwrap();
-        assert_eq!(model.run.unwrap().start.steps[0].address.to_string(), "discrete 0x0005");
+        let steps = model.run.unwrap().start.steps;
+        assert_eq!(steps[0].until.as_ref().unwrap().address.to_string(), "discrete 0x0005");
         let found =
             told_with(&by_bit("values = [1]"), "\"followed\", values = [1]", "\"followed\", mask = 1, values = [1]");
         assert!(found.contains("run.start[0].until.mask: a discrete input has no other bits"), "{found}");
