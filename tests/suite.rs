@@ -73,8 +73,6 @@ mod echoes_in_doubt;
 mod every_request_ends;
 #[path = "scenarios/exception_kinds.rs"]
 mod exception_kinds;
-#[path = "scenarios/families.rs"]
-mod families;
 #[path = "scenarios/field_faults.rs"]
 mod field_faults;
 #[path = "scenarios/full_scale.rs"]
@@ -133,6 +131,8 @@ mod stop_wins;
 mod trips;
 #[path = "scenarios/unproven.rs"]
 mod unproven;
+#[path = "scenarios/walk.rs"]
+mod walk;
 #[path = "scenarios/warnings.rs"]
 mod warnings;
 #[path = "scenarios/watchdog.rs"]

@@ -1,12 +1,16 @@
 //! Rigs of any built-in drive, and native requests with their answers.
 
 use super::{ORIGIN, Rig, RigOptions, STOP, catalog, control, model};
-use std::sync::Arc;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Go, Order, Origin, Outcome, Owner, Reason, RegisterWrite};
 use vfd_gateway::domain::control::{ControlAction, ControlSettings};
+use vfd_gateway::domain::frequency::Hertz;
+use vfd_gateway::domain::link::Framing;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::profile::model::{Model, Role};
+use vfd_gateway::sim::BusOptions;
 
 /// A tool at the gateway's own socket.
 pub const LOCAL: Origin = Origin { owner: Owner::Local, ..super::MQTT };
@@ -15,6 +19,46 @@ pub const LOCAL: Origin = Origin { owner: Owner::Local, ..super::MQTT };
 pub fn models() -> Vec<Arc<Model>> {
     let catalog = catalog();
     catalog.ids().map(|id| Arc::clone(catalog.find(id).expect("it is listed"))).collect()
+}
+
+/// The test models that have the constructs which no drive of the time has.
+const CONSTRUCTED: [(&str, &str); 6] = [
+    ("orders.toml", include_str!("../golden/models/orders.toml")),
+    ("start.toml", include_str!("../golden/models/start.toml")),
+    ("values.toml", include_str!("../golden/models/values.toml")),
+    ("zero-coast.toml", include_str!("../golden/models/zero-coast.toml")),
+    ("zero-ignored.toml", include_str!("../golden/models/zero-ignored.toml")),
+    ("zero-nothing.toml", include_str!("../golden/models/zero-nothing.toml")),
+];
+
+/// Full scale of the drives whose configuration must state one.
+const FULL_SCALE: Hertz = Hertz::from_centihertz(6000);
+
+/// [Every model](catalog) and the constructed ones, as a configuration makes them.
+pub fn walked() -> &'static [Arc<Model>] {
+    static WALKED: LazyLock<Vec<Arc<Model>>> = LazyLock::new(|| {
+        let catalog = catalog().with_texts(CONSTRUCTED).expect("all of them are sound");
+        let scaled = |model: &Arc<Model>| match model.needs_full_scale() {
+            true => Arc::new(model.with_full_scale(FULL_SCALE)),
+            false => Arc::clone(model),
+        };
+        catalog.models().map(scaled).collect()
+    });
+    &WALKED
+}
+
+/// Plays `walk` with each of [these models](walked), and then fails with all that did not get through.
+pub fn each(walk: impl Fn(&Arc<Model>)) {
+    let failed: Vec<_> = walked().iter().filter_map(|model| Some((model, failure(|| walk(model))?))).collect();
+    let told: Vec<_> = failed.iter().map(|(model, why)| format!("{}: {why}", model.id)).collect();
+    assert!(told.is_empty(), "{} of {} models:\n{}", told.len(), walked().len(), told.join("\n"));
+}
+
+/// Why `walk` panicked; `None` if it did not.
+pub fn failure(walk: impl FnOnce()) -> Option<String> {
+    let why = catch_unwind(AssertUnwindSafe(walk)).err()?;
+    let text = why.downcast_ref::<String>().cloned();
+    Some(text.or_else(|| why.downcast_ref::<&str>().map(|it| (*it).to_owned())).unwrap_or_default())
 }
 
 /// The model called `id` with a change.
@@ -37,9 +81,12 @@ pub fn listing(native_write: Vec<u16>) -> ControlSettings {
 
 /// One drive of `model` with factory settings of its line, polled every 500 ms.
 pub fn options_of(model: &Arc<Model>, control: ControlSettings) -> RigOptions {
+    let is_ascii = !model.link.framings.value.contains(&Framing::Rtu);
+    let framing = if is_ascii { Framing::Ascii } else { Framing::Rtu };
     RigOptions {
         model: Arc::clone(model),
         link: model.link.default.value,
+        bus: BusOptions { framing, ..BusOptions::default() },
         control: Some(control),
         poll: Duration::from_millis(500),
         proof_words: None,

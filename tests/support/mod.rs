@@ -5,7 +5,8 @@ pub mod families;
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::ops::RangeInclusive;
-use std::sync::Arc;
+use std::path::Path;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use vfd_gateway::domain::command::{
     CommandAnswer, CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Rights,
@@ -69,9 +70,21 @@ pub fn n700() -> Arc<Model> {
     model("hyundai-n700")
 }
 
-/// All built-in models.
+/// All built-in models, and those in the directory that `VFD_MODEL_DIR` names: whoever writes a model file plays it with
+/// every scenario that is for all models.
 pub fn catalog() -> Catalog {
-    vendors::catalog()
+    static CATALOG: LazyLock<Catalog> = LazyLock::new(|| {
+        let own = std::env::var_os("VFD_MODEL_DIR");
+        vendors::catalog().with_texts(own.iter().flat_map(|dir| texts_in(Path::new(dir)))).expect("sound models")
+    });
+    CATALOG.clone()
+}
+
+/// Name and text of the model files in `dir`.
+fn texts_in(dir: &Path) -> Vec<(String, String)> {
+    let paths = std::fs::read_dir(dir).expect("a directory").map(|entry| entry.expect("an entry").path());
+    let files = paths.filter(|path| path.extension().is_some_and(|it| it == "toml"));
+    files.map(|path| (path.display().to_string(), std::fs::read_to_string(&path).expect("a text"))).collect()
 }
 
 /// The built-in model called `id`.

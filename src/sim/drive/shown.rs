@@ -6,6 +6,7 @@ use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Register, Role};
+use crate::profile::value::code_under;
 use crate::sim::motor::MICROHERTZ;
 use crate::sim::trip::TripRecord;
 
@@ -22,9 +23,10 @@ impl SimDrive {
         let register = &self.model.registers[index];
         // A flag may also be in a setting, which shows the value that was set.
         if !register.access.can_write()
+            && self.has_flag_in(register)
             && let Some(word) = self.status_word(at, register.address, self.memory.word(index))
         {
-            return word;
+            return code_under(word, register.form.mask);
         }
         match register.role {
             Some(Role::TripCode) => {
@@ -55,6 +57,12 @@ impl SimDrive {
             },
             None => self.block_word(register.address).unwrap_or_else(|| self.memory.word(index)),
         }
+    }
+
+    /// Whether `register`, which may be a field of a word, contains a flag.
+    fn has_flag_in(&self, register: &Register) -> bool {
+        let here = self.model.status.iter().filter(|flag| flag.address == register.address);
+        here.into_iter().any(|flag| flag.mask & register.form.mask != 0)
     }
 
     /// Whether a register with `role` is a measurement, which cannot be written.
