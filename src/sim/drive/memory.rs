@@ -132,6 +132,7 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
     };
     let demanded = model.setup.iter().find(|item| item.address == Some(register.address));
     let demanded = demanded.and_then(|item| item.values.value.first().copied());
+    let identity = model.identity.as_ref().filter(|identity| identity.address == register.address);
     let watchdog = model.watchdog.as_ref().filter(|watchdog| watchdog.time == register.address);
     match register.role {
         Some(Role::AccelerationTime) => seconds(options.acceleration),
@@ -151,6 +152,7 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
             u16::try_from(u32::from(options.max_frequency_hz) * register.scale).unwrap_or(u16::MAX)
         }
         _ => demanded
+            .or(identity.and_then(|identity| identity.values.value.first().copied()))
             .or(first_basis(model, register, options))
             .or(watchdog.map(|watchdog| watchdog.off.value))
             .unwrap_or_else(|| lowest(register)),
