@@ -53,6 +53,13 @@ pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Opti
     fresh(drive, register, view, at).map(|reading| register.code_in(reading.raw))
 }
 
+/// The state of the drive's own state machine in the vendor's words; `None` if the model has none, or it is not known.
+#[must_use]
+pub fn drive_state(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<String> {
+    let reading = fresh(drive, drive.model.state_register()?, view, at)?;
+    drive.model.drive_state(reading.raw)
+}
+
 /// How reliable the last reading of `register` is.
 #[must_use]
 pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Freshness {

@@ -133,6 +133,27 @@ fn a_drive_that_is_switched_on_at_standstill_is_not_switched_off_first() {
 }
 
 #[test]
+fn the_drive_tells_its_own_state_in_its_own_words() {
+    let told = |rig: &mut Rig| {
+        rig.live(SECOND * 2);
+        let view = rig.view(0);
+        let model = model();
+        let reading = view.snapshot.value(model.state_register().unwrap()).unwrap();
+        model.drive_state(reading.raw)
+    };
+    let mut rig = ready();
+    assert_eq!(told(&mut rig), None, "0 is no state that the model knows");
+    rig.commanded(MQTT, run(Direction::Forward, None));
+    assert_eq!(told(&mut rig).as_deref(), Some("operation enabled"));
+    rig.commanded(MQTT, STOP);
+    rig.live(SECOND * 15);
+    assert_eq!(told(&mut rig).as_deref(), Some("switched on"));
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().trip(now, CAUSE);
+    assert_eq!(told(&mut rig).as_deref(), Some("fault (inferred)"));
+}
+
+#[test]
 fn a_drive_that_does_not_get_ready_is_not_started_now_or_later() {
     let mut rig = ready();
     hold_back(&mut rig, true);

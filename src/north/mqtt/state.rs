@@ -109,6 +109,7 @@ fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: 
         || shown::answered_run_state(old) != shown::answered_run_state(view)
         || trip(old) != trip(view)
         || old.status != view.status
+        || shown::drive_state(drive, old, last.at) != shown::drive_state(drive, view, now.at)
         || old.watchdog != view.watchdog
         || old.trip_kept != view.trip_kept
         || lasting(old) != lasting(view)
@@ -148,6 +149,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
         "online": view.is_online(),
         "run_state": shown::answered_run_state(view).word(),
         "run_state_confidence": run_state_confidence(drive),
+        "drive_state": shown::drive_state(drive, view, now.at),
         "local": view.status.is_local(),
         "alarm": view.status.alarm,
         "ready": view.status.ready,

@@ -49,6 +49,7 @@ impl Drive<'_> {
             "uniform_unit": description.uniform_unit.get(),
             "presence": shown::presence(view),
             "run_state": shown::run_state(view).word(),
+            "drive_state": shown::drive_state(description, view, present.now),
             "output_frequency_hz": self.output_frequency(present.now),
             "setpoint_hz": self.setpoint(present.now),
             "trip": self.trip(present),

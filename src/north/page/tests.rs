@@ -52,6 +52,21 @@ fn a_warning_that_is_a_field_of_a_word_is_shown_alone() {
     assert_eq!(warning(0xFF0F), json!(null), "the other bits of the word are none of its own");
 }
 
+#[test]
+fn the_state_of_the_drive_is_shown_in_its_own_words() {
+    let start = include_str!("../../../tests/golden/models/start.toml");
+    let model = Arc::new(crate::profile::check::model(start).unwrap());
+    let description = DriveDescription { model, ..description("teco-e510") };
+    let shown = |word, at| {
+        let document = document(&description, &view(&description, word), at);
+        let status = values(&document).iter().find(|value| value["name"] == "status").unwrap();
+        (document["drive_state"].clone(), status["text"].clone())
+    };
+    assert_eq!(shown(0x8223, NOW), (json!("switched on"), json!("switched on")));
+    assert_eq!(shown(0x0060, NOW), (json!(null), json!(null)), "an unknown word has no text");
+    assert_eq!(shown(0x0021, NOW + Duration::from_secs(60)).0, json!(null), "an old word is no state");
+}
+
 /// The texts of all advice for a drive.
 fn advice(description: &DriveDescription, view: &DriveView) -> Vec<(Severity, String)> {
     let advice = drive(description, view).advice(Interface::Rs485, NOW);

@@ -10,6 +10,7 @@ mod run;
 mod run_word;
 mod setup;
 mod start;
+mod state;
 mod status;
 mod tables;
 mod values;
@@ -68,6 +69,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     orders::check(file, problems);
     start::check(file, problems);
+    state::check(file, problems);
     status::check(file, problems);
     setup::check(file, problems);
 }

@@ -13,6 +13,7 @@ mod run;
 mod run_word;
 mod setup;
 mod start;
+mod state;
 mod status;
 
 pub(super) use codes::CodesFile;
@@ -135,6 +136,10 @@ impl ModelFile {
         poll_bases(&mut registers);
         let mut run = made(&self.run, |it| it.ready(&self.registers))?;
         run.iter_mut().for_each(|run| orders::bind(run, &mut registers));
+        for state in run.iter().flat_map(|run| &run.states) {
+            let shown = registers.iter_mut().find(|it| it.address == state.address && it.poll.is_some());
+            shown.into_iter().for_each(|register| register.states.push(state.masked()));
+        }
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
             vendor: self.vendor.as_ref()?.value.clone(),

@@ -5,6 +5,7 @@ use super::orders::PlacesFile;
 use super::reset::{self, ResetStepFile};
 use super::run_word::{BitFile, FieldFile};
 use super::start::StartFile;
+use super::state::StateFile;
 use crate::profile::model::{OrderKind, RunCommand, RunForm, WordSenses, ZeroWord};
 use crate::profile::register::RegisterFile;
 use crate::profile::words::ZERO_WORDS;
@@ -37,6 +38,7 @@ pub(in crate::profile) struct RunFile {
     pub zero: Option<FactFile<ZeroWord>>,
     pub places: PlacesFile,
     pub start: StartFile,
+    pub states: Vec<StateFile>,
 }
 
 impl RunFile {
@@ -57,6 +59,7 @@ impl RunFile {
             zero: facts.optional_value(&mut reader, "zero", &Kind::choice(&ZERO_WORDS, zero_means)),
             places: PlacesFile::default(),
             start: StartFile::read(facts, &mut reader),
+            states: reader.tables("state").into_iter().map(|it| StateFile::read(facts, reader.open(it))).collect(),
         };
         places.read_rest(facts, &mut reader);
         run.places = places;
@@ -119,6 +122,7 @@ impl RunFile {
             zero: optional(self.zero.as_ref())?,
             places: self.places.ready(registers)?,
             start: self.start.ready(registers)?,
+            states: self.states.iter().map(|state| state.ready(registers)).collect::<Option<_>>()?,
         })
     }
 }

@@ -1,6 +1,8 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
-use super::{Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, ZeroWord};
+use super::{
+    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, StateText, ZeroWord,
+};
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
 use crate::domain::link::Interface;
@@ -33,6 +35,8 @@ pub struct RunCommand {
     pub places: OrderPlaces,
     /// The words before the run word.
     pub start: Start,
+    /// The states of the drive's own state machine, in the vendor's words. One register shows them all.
+    pub states: Vec<StateText>,
 }
 
 impl RunCommand {

@@ -29,7 +29,7 @@ pub use read::{Boundary, Holes, ReadArea, ReadLimits};
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
 pub use start::{Start, StartCondition, StartStep};
-pub use status::{Barrier, BarrierRead, CodeText, ExceptionKind, Flag, Quirks, StatusFlag};
+pub use status::{Barrier, BarrierRead, CodeText, ExceptionKind, Flag, MaskedText, Quirks, StateText, StatusFlag};
 
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;

@@ -1,6 +1,6 @@
 //! One register of a model: its address, its meaning, and its use by the gateway.
 
-use super::{Confidence, Form};
+use super::{Confidence, Form, MaskedText};
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
@@ -219,6 +219,8 @@ pub struct Register {
     pub range: Option<RangeInclusive<i32>>,
     /// Meanings of its words, if they are codes.
     pub meanings: Vec<(u16, String)>,
+    /// Texts for states that some of its bits show.
+    pub states: Vec<MaskedText>,
     /// Why no client may write it although the drive would accept the write: it is another way to move the motor or to
     /// widen its limits. `None` if it is no such back door.
     pub back_door: Option<String>,
@@ -244,8 +246,10 @@ impl Register {
     /// The meaning of `word`, or of its field; `None` if the model does not know it.
     #[must_use]
     pub fn meaning(&self, word: u16) -> Option<&str> {
-        let word = self.code_in(word);
-        self.meanings.iter().find(|(code, _)| *code == word).map(|(_, text)| text.as_str())
+        let code = self.code_in(word);
+        let own = self.meanings.iter().find(|(of, _)| *of == code).map(|(_, text)| text);
+        let state = || self.states.iter().find(|state| word & state.mask == state.value).map(|state| &state.text);
+        own.or_else(state).map(String::as_str)
     }
 
     /// Whether `word` lies within the register's range, if a range is known.

@@ -1,6 +1,6 @@
 //! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
-use super::{Confidence, Fact};
+use super::{Confidence, Fact, Model, Register};
 use crate::domain::address::Address;
 use std::time::Duration;
 
@@ -73,6 +73,60 @@ impl CodeText {
             format!("{} ({})", self.text, self.confidence.word())
         }
     }
+}
+
+/// A state of the drive's own state machine: its register holds it if the masked word is the value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateText {
+    /// The register, which is polled.
+    pub address: Address,
+    /// The relevant bits.
+    pub mask: u16,
+    /// The masked word.
+    pub value: u16,
+    /// The vendor's words for it.
+    pub text: String,
+    /// Confidence.
+    pub confidence: Confidence,
+    /// Document and place.
+    pub source: String,
+}
+
+impl StateText {
+    /// The same without its source, with the text marked if it is unproven.
+    #[must_use]
+    pub fn masked(&self) -> MaskedText {
+        let Self { mask, value, text, confidence, .. } = self;
+        let text = if confidence.is_proven() { text.clone() } else { format!("{text} ({})", confidence.word()) };
+        MaskedText { mask: *mask, value: *value, text }
+    }
+}
+
+impl Model {
+    /// The register that shows the states of the drive's own state machine.
+    #[must_use]
+    pub fn state_register(&self) -> Option<&Register> {
+        self.registers.iter().find(|register| !register.states.is_empty())
+    }
+
+    /// The vendor's words for the state that `word` of that register shows, marked if they are unproven; `None` if the model
+    /// does not know it.
+    #[must_use]
+    pub fn drive_state(&self, word: u16) -> Option<String> {
+        let states = &self.state_register()?.states;
+        states.iter().find(|state| word & state.mask == state.value).map(|state| state.text.clone())
+    }
+}
+
+/// A text for every word that has this value under the mask.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MaskedText {
+    /// The relevant bits.
+    pub mask: u16,
+    /// The masked word.
+    pub value: u16,
+    /// The text.
+    pub text: String,
 }
 
 /// What the drive means by an exception.

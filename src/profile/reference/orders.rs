@@ -48,6 +48,7 @@ pub(super) const ORDERS: &[Section] = &[
                 "`stop`",
                 "The word that takes back a start that the drive does not follow. Only beside `[[run.start]]`.",
             ),
+            ("state", "no texts", "The states of the drive in the vendor's words, see `[[run.state]]`."),
             ("start", "the run word alone", "The words before the run word, see `[[run.start]]`."),
             (
                 "reset_sequence",
@@ -138,6 +139,18 @@ pub(super) const ORDERS: &[Section] = &[
                 "required with `until`",
                 "How long the drive may take. If it takes longer, the start is taken back and has failed.",
             ),
+        ],
+    },
+    Section {
+        table: "run.state",
+        says: "The states of the drive's own state machine in the vendor's words, as `not ready` or `switched on`. They are only \
+               shown: in `drive_state` of the `state` over MQTT and of `/api/v1`, and beside the word on the page, by `read` and by \
+               `watch`. A word that is none of them has no text.",
+        keys: &[
+            ("register", "", "The name of the polled register that shows all of them."),
+            ("mask", "the whole word", "The bits that count."),
+            ("value", "", "The masked word."),
+            ("text", "", "The vendor's words for the state."),
         ],
     },
     Section {

@@ -105,6 +105,8 @@ impl RegisterFile {
             memory: self.memory.clone().optional()?,
             range: self.range.clone().optional()?,
             meanings: self.meanings.clone(),
+            // Those of `[[run.state]]` are added by the model.
+            states: Vec::new(),
             back_door: self.back_door.clone().optional()?,
             is_link: self.is_link.or(false)?,
             deaf_after: self.deaf_after.clone().optional()?,

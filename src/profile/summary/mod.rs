@@ -49,6 +49,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Identity", command::identity(model));
     section(&mut text, "Watchdog of the drive", command::watchdog(model));
     section(&mut text, "Status", registers::status(model));
+    section(&mut text, "States in the drive's own words", registers::states(model));
     section(&mut text, "Trips", registers::trips(model));
     section(&mut text, "Warnings, which stop no motor", registers::warnings(model));
     section(&mut text, "Codes", registers::codes(model.codes.as_ref()));

@@ -131,6 +131,20 @@ pub(super) fn deaf(registers: &[Register]) -> Vec<Row> {
     registers.iter().filter_map(deaf).collect()
 }
 
+/// The states of the drive's own state machine.
+pub(super) fn states(model: &Model) -> Vec<Row> {
+    let states = model.run.iter().flat_map(|run| &run.states);
+    let rows = states.map(|state| {
+        let name = name_at(model, state.address);
+        let condition = match state.mask {
+            u16::MAX => format!("{name} = {}", state.value),
+            mask => format!("{name} & 0x{mask:04X} = 0x{:04X}", state.value),
+        };
+        vec![condition, state.text.clone(), state.confidence.word().to_owned(), state.source.clone()]
+    });
+    rows.collect()
+}
+
 pub(super) fn status(model: &Model) -> Vec<Row> {
     let rows = model.status.iter().map(|status| {
         let name = name_at(model, status.address);
