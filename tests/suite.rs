@@ -101,6 +101,8 @@ mod old_value_or_exception;
 mod orders_apart;
 #[path = "scenarios/ownership.rs"]
 mod ownership;
+#[path = "scenarios/pairs.rs"]
+mod pairs;
 #[path = "scenarios/pauses.rs"]
 mod pauses;
 #[path = "scenarios/polls.rs"]

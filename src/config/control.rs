@@ -233,6 +233,13 @@ fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<P
 /// A limit must be a possible setpoint: one between two steps could never be reached.
 fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
     let Some(Spanned { value, location }) = limit else { return };
+    if register.form.pair.is_some() {
+        if register.pair_of(*value).is_none() {
+            let problem = location.problem(format!("{value} Hz is between two steps of `{}`", register.name));
+            problems.push(problem.right(format!("a multiple of 1/{} Hz", register.scale)));
+        }
+        return;
+    }
     if let Err(wrong) = to_raw(value.as_f64(), register) {
         let right = format!("a frequency that `{}` can represent", register.name);
         problems.push(location.problem(format!("{value} Hz is {wrong}")).right(right));

@@ -86,8 +86,14 @@ impl Hertz {
     /// not fit into the word.
     #[must_use]
     pub fn to_word(self, scale: u32) -> Option<u16> {
+        u16::try_from(self.to_steps(scale)?).ok()
+    }
+
+    /// The same for a register of two words.
+    #[must_use]
+    pub fn to_steps(self, scale: u32) -> Option<u32> {
         let steps = u64::from(self.milli) * u64::from(scale);
-        if steps.is_multiple_of(1000) { u16::try_from(steps / 1000).ok() } else { None }
+        if steps.is_multiple_of(1000) { u32::try_from(steps / 1000).ok() } else { None }
     }
 
     /// The frequency that `word` means in a register of `scale` steps per hertz, to the nearest thousandth.

@@ -47,7 +47,14 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
     let mut frequency = None;
     let mut registers = Vec::new();
     let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
-    for (address, value) in addresses.zip(values) {
+    let mut words = addresses.zip(values);
+    while let Some((address, value)) = words.next() {
+        if let Some(register) = model.writable_at(address).filter(|register| register.form.pair.is_some()) {
+            // Half a pair is no number.
+            let (_, second) = words.next().ok_or(Reason::NotUnderstood)?;
+            frequency = Some(Ok(frequency_of_pair(register, [*value, *second])?));
+            continue;
+        }
         match part(model, bases, address, *value)? {
             DecodedPart::Run(part) => run = Some(together(run, part)?),
             DecodedPart::Direction(given) => direction = Some(given),
@@ -102,6 +109,7 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
     let is_twin = register.address != address;
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
+        _ if register.form.pair.is_some() => Err(Reason::NotUnderstood),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand | Role::Order) => order_part(model, register.address, value).ok_or(Reason::NotUnderstood),
         Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(frequency(register, bases, value))),
@@ -124,6 +132,16 @@ fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Re
     let anywhere = (Hertz::ZERO, Hertz::from_millihertz(u32::MAX));
     let is_same = register.word_of(hertz, anywhere, known) == Some(value);
     if is_same { Ok(hertz) } else { Err(Reason::BetweenSteps) }
+}
+
+/// The frequency that both words of a setpoint order. It must lead back to the same words.
+fn frequency_of_pair(register: &Register, words: [u16; 2]) -> Result<Hertz, Reason> {
+    if register.role != Some(Role::FrequencyCommand) || register.back_door.is_some() {
+        return Err(Reason::NotAllowed);
+    }
+    let number = register.number(|address| address.word_in(register.address, &words)).ok_or(Reason::NotUnderstood)?;
+    let hertz = register.magnitude(number, |_| None).ok_or(Reason::OutsideRange)?;
+    if register.pair_of(hertz) == Some(words) { Ok(hertz) } else { Err(Reason::BetweenSteps) }
 }
 
 /// What `value` orders in the register at `address`, which takes orders.

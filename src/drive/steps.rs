@@ -2,6 +2,7 @@
 
 mod before_run;
 mod reset;
+mod setpoint;
 #[cfg(test)]
 mod tests;
 
@@ -12,8 +13,9 @@ use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Flag, Model, OrderKind, Register, Role};
+use crate::profile::model::{Flag, Model, OrderKind};
 use crate::wire::pdu::{Request, function};
+use setpoint::{check_setting, setpoint, setpoint_and_run, setpoint_of_run};
 use std::time::Duration;
 
 /// How long a drive may take to show what it has acknowledged: the next cycle of its firmware, or the start of a ramp.
@@ -97,6 +99,8 @@ pub struct Condition {
     pub mask: u16,
     /// Masked words.
     pub values: Vec<u16>,
+    /// Of a value of two words: the word at the next address, which is read in the same frame.
+    pub second: Option<u16>,
     /// Whether the masked word must be one of them, or must not be.
     pub is_one: bool,
     /// How long the drive may take to meet it.
@@ -106,7 +110,7 @@ pub struct Condition {
 impl Condition {
     /// The register holds exactly `value`.
     const fn holds(address: Address, value: Vec<u16>, within: Duration) -> Self {
-        Self { address, mask: u16::MAX, values: value, is_one: true, within }
+        Self { address, mask: u16::MAX, values: value, second: None, is_one: true, within }
     }
 
     /// The model's `flag` is set or not; `None` if it has no such flag.
@@ -116,6 +120,7 @@ impl Condition {
             address: flag.address,
             mask: flag.mask,
             values: flag.values.clone(),
+            second: None,
             is_one: is_set,
             within: SHOWN_WITHIN,
         })
@@ -125,6 +130,19 @@ impl Condition {
     #[must_use]
     pub fn is_met(&self, word: u16) -> bool {
         self.values.contains(&(word & self.mask)) == self.is_one
+    }
+
+    /// Whether the words that were read from its register on meet it.
+    #[must_use]
+    pub fn is_met_by(&self, words: &[u16]) -> bool {
+        let has_second = self.second.is_none_or(|second| words.get(1) == Some(&second));
+        has_second && words.first().is_some_and(|word| self.is_met(*word))
+    }
+
+    /// How many words have to be read for it.
+    #[must_use]
+    pub const fn words(&self) -> u16 {
+        if self.second.is_some() { 2 } else { 1 }
     }
 }
 
@@ -185,9 +203,7 @@ pub fn of_go(
 ) -> Result<Vec<Step>, NoSteps> {
     let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(vec![register(model, *write)])).collect();
     let Some(direction) = go.run() else {
-        steps.extend(
-            go.frequency().map(|it| setpoint(model, it, control, bases)).transpose()?.map(|it| Step::Write(vec![it])),
-        );
+        steps.extend(go.frequency().map(|it| setpoint(model, it, control, bases)).transpose()?.map(Step::Write));
         return Ok(steps);
     };
     let run = run(model, direction)?;
@@ -309,40 +325,6 @@ fn register(model: &Model, write: RegisterWrite) -> Write {
     Write { address, value, part: StepPart::Register, shown: shown.into_iter().collect() }
 }
 
-fn setpoint(model: &Model, frequency: Hertz, control: &ControlSettings, bases: &Bases) -> Result<Write, NoSteps> {
-    let register = model.register_for(Role::FrequencyCommand).ok_or(NoSteps::NotCapable)?;
-    let known = |address| bases.word(address);
-    let value = register.word_of(frequency, (control.least, control.most), known).ok_or(NoSteps::BetweenSteps)?;
-    let shown = model.setting_register().and_then(|setting| {
-        let words = setpoint_words(register, setting, frequency, value, bases)?;
-        Some(Condition::holds(setting.address, words, SHOWN_WITHIN))
-    });
-    Ok(Write {
-        address: register.address,
-        value,
-        part: StepPart::Setpoint(frequency),
-        shown: shown.into_iter().collect(),
-    })
-}
-
-/// The words with which `setting` may show `frequency` once `register` has been given `value`.
-fn setpoint_words(
-    register: &Register,
-    setting: &Register,
-    frequency: Hertz,
-    value: u16,
-    bases: &Bases,
-) -> Option<Vec<u16>> {
-    if register.is_exact() && setting.is_exact() {
-        return Some(vec![frequency.to_word(setting.scale)?]);
-    }
-    if register.scale == setting.scale && register.form == setting.form {
-        return Some(vec![value]);
-    }
-    let words = setting.words_like(register, value, |address| bases.word(address));
-    Some(words).filter(|words| !words.is_empty())
-}
-
 fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
     let kind = match direction {
         Direction::Forward => OrderKind::Forward,
@@ -354,37 +336,4 @@ fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
     let turns = running.is_some().then(|| Condition::flag(model, Flag::Reverse, is_reverse)).flatten();
     let shown = running.into_iter().chain(turns).collect();
     Ok(Write { address, value, part: StepPart::Run(direction), shown })
-}
-
-/// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
-fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option<Hertz>, NoSteps> {
-    let must_be_given = model.quirks.setpoint_before_run.is_some() || model.setting_register().is_none();
-    match go.frequency() {
-        Some(frequency) => Ok(Some(frequency)),
-        None if must_be_given => last.map(Some).ok_or(NoSteps::SetpointUnknown),
-        None => Ok(None),
-    }
-}
-
-fn setpoint_and_run(model: &Model, setpoint: Write, run: Write) -> Vec<Step> {
-    let low = setpoint.address.min(run.address);
-    let high = setpoint.address.max(run.address);
-    let block = model.write.block.as_ref().filter(|block| block.count.confidence.is_proven());
-    let in_one_frame = block.is_some_and(|block| {
-        let end = block.address.saturating_add(block.count.value);
-        low.checked_add(1) == Some(high) && (block.address..end).contains(&low) && (block.address..end).contains(&high)
-    });
-    match (in_one_frame, setpoint.address == low) {
-        (true, true) => vec![Step::Write(vec![setpoint, run])],
-        (true, false) => vec![Step::Write(vec![run, setpoint])],
-        (false, _) => vec![Step::Write(vec![setpoint]), Step::Write(vec![run])],
-    }
-}
-
-/// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.
-fn check_setting(model: &Model, control: &ControlSettings, bases: &Bases) -> Result<Step, NoSteps> {
-    let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
-    let words = setting.words_within((control.least, control.most), |address| bases.word(address));
-    let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
-    Ok(Step::Check { address: setting.address, least, most })
 }

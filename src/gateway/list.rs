@@ -142,7 +142,8 @@ impl List {
         let request = match self.stage {
             Stage::Step(index) => self.approved.request(index)?,
             Stage::ReadBack(index, shown) | Stage::Resolve(index, shown) => {
-                Request::Read { address: self.condition(index, shown)?.address, count: 1 }
+                let condition = self.condition(index, shown)?;
+                Request::Read { address: condition.address, count: condition.words() }
             }
             Stage::Done => return None,
         };
@@ -243,9 +244,10 @@ impl List {
         match (self.stage, reply) {
             (Stage::Step(index), reply) => self.step_answered(index, reply, now),
             (Stage::ReadBack(index, shown) | Stage::Resolve(index, shown), Reply::Words(words)) => {
-                match words.first() {
-                    Some(word) => self.shown(index, shown, *word, now),
-                    None => self.unanswered(),
+                if words.is_empty() {
+                    self.unanswered()
+                } else {
+                    self.shown(index, shown, words, now)
                 }
             }
             (Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done, _) => self.unanswered(),

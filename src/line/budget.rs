@@ -212,7 +212,9 @@ fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ 
     let has_coil = model.registers.iter().any(|it| it.access.can_write() && it.address.table().is_of_bits());
     let coil = if has_coil && !model.serves(function::WRITE_COIL) { 6 + 1 } else { SHORT_PDU_BYTES };
     let single = if model.serves(function::WRITE_SINGLE) { coil } else { 6 + WORD_BYTES };
-    let writes = [Some((single, SHORT_PDU_BYTES)), model.write.block.as_ref().map(block)];
+    let has_pair = model.registers.iter().any(|it| it.access.can_write() && it.form.pair.is_some());
+    let pair = has_pair.then_some((6 + 2 * WORD_BYTES, SHORT_PDU_BYTES));
+    let writes = [Some((single, SHORT_PDU_BYTES)), pair, model.write.block.as_ref().map(block)];
     let writes = writes.into_iter().flatten();
     let writes = writes.flat_map(|(request, reply)| {
         [Class::Write, Class::StoredWrite].into_iter().map(move |class| (class, request, reply))

@@ -211,6 +211,19 @@ impl Register {
         self.holds(inside)
     }
 
+    /// The two words that order `frequency` in a register of two words, in the order of their addresses. `None` if it lies
+    /// between two steps, or the register is a word or a fraction.
+    #[must_use]
+    pub fn pair_of(&self, frequency: Hertz) -> Option<[u16; 2]> {
+        let order = self.form.pair.filter(|_| self.is_exact())?;
+        let number = frequency.to_steps(self.scale).filter(|number| !self.signed || number.cast_signed() >= 0)?;
+        let (high, low) = ((number >> 16) as u16, (number & 0xFFFF) as u16);
+        Some(match order {
+            WordOrder::HighFirst => [high, low],
+            WordOrder::LowFirst => [low, high],
+        })
+    }
+
     /// The lowest and the highest word that mean a frequency within `limits`; `None` if there is none, or the full scale is
     /// not known.
     #[must_use]

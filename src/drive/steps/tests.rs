@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::drive::testing::{control, model, with_block, with_status};
+use crate::profile::model::Role;
 
 fn hertz(centi: u16) -> Hertz {
     Hertz::from_centihertz(centi)

@@ -12,14 +12,14 @@ pub(super) const READS_MAX: u8 = 3;
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 impl List {
-    /// Checks `word` against the condition `shown` of the step at `index`, and against the following ones in the same
+    /// Checks `words` against the condition `shown` of the step at `index`, and against the following ones in the same
     /// register.
-    pub(super) fn shown(&mut self, index: usize, shown: usize, word: u16, now: MonoTime) -> Next {
+    pub(super) fn shown(&mut self, index: usize, shown: usize, words: &[u16], now: MonoTime) -> Next {
         let Some(condition) = self.condition(index, shown) else { return self.end() };
         let address = condition.address;
         let within = condition.within;
         let of_register = (shown..).map_while(|at| self.condition(index, at)).take_while(|it| it.address == address);
-        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met(word)));
+        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met_by(words)));
         if all_met {
             return self.is_shown(index, shown + looked_at);
         }
@@ -30,7 +30,7 @@ impl List {
             return Next::Goes(None);
         }
         let reason = if matches!(self.stage, Stage::Resolve(..)) { Reason::NoReply } else { Reason::NotReadBack };
-        Next::Ends(Report { held: Some(word), ..Report::new(Outcome::Failed, reason) })
+        Next::Ends(Report { held: words.first().copied(), ..Report::new(Outcome::Failed, reason) })
     }
 
     /// The step at `index` has shown everything up to its condition `next`.

@@ -122,6 +122,10 @@ fn orders_are_of_bits(run: &RunFile, registers: &[RegisterFile], problems: &mut 
     }
     let reset = run.places.named(OrderKind::Reset).map(|name| name.value.as_str());
     takes(reset, &mut run.places.clear.iter());
+    for step in run.reset_sequence.valid().into_iter().flat_map(|sequence| &sequence.value) {
+        let named = step.register.valid().map(|name| name.value.as_str());
+        takes(named.or(own), &mut step.value.iter());
+    }
     takes(own, &mut run.start.words());
     for (name, word) in run.never() {
         takes(name.or(own), &mut std::iter::once(word));
@@ -242,6 +246,10 @@ mod tests {
             found.contains("run.form: a coil has one bit\n    right: \"values\", with the orders 0 and 1"),
             "{found}"
         );
+        let reset = "reset = { register = \"fault_reset\", value = 1, clear = 0,";
+        let sequence = format!("reset_sequence = [0, {{ register = \"fault_reset\", value = 3 }}]\n{reset}");
+        let found = told_with(COILS, reset, &sequence);
+        assert!(found.contains("a coil is never 3\n    right: 0 or 1"), "{found}");
         // The same number in another table is another place.
         let found = told_with(COILS, "address = 0x0004", "address = 0x0003");
         assert!(found.contains("address coil 0x0003 is taken by register[2].address"), "{found}");

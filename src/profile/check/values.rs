@@ -7,6 +7,7 @@ use crate::profile::file::ModelFile;
 use crate::profile::model::{Access, Role};
 use crate::profile::register::{CONFIGURED, RegisterFile};
 use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::wire::pdu::function;
 
 /// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
 const WORDS: [Role; 13] = [
@@ -34,7 +35,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for register in &file.registers {
         words_fit(register, file, problems);
         fields_fit(register, problems);
-        parts_are_only_read(register, problems);
+        parts_are_only_read(register, file, problems);
         full_scale_is_known(register, file, problems);
         scale_is_known(register, file, problems);
         sign_means_a_direction(register, problems);
@@ -115,17 +116,36 @@ fn is_contiguous(mask: u16) -> bool {
 }
 
 /// What is more than one whole word is not written.
-fn parts_are_only_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
+fn parts_are_only_read(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let form = &register.form;
-    let is_more = form.is_pair()
+    let is_setpoint = role(register) == Some(Role::FrequencyCommand);
+    if form.is_pair() && is_setpoint {
+        pair_is_written_whole(register, file, problems);
+    }
+    let is_more = (form.is_pair() && !is_setpoint)
         || form.mask.valid().is_some()
         || form.exponent_mask.valid().is_some()
         || form.scale_by.valid().is_some()
         || !form.plus.is_empty();
     let written = register.access.as_ref().filter(|access| is_more && access.value != Access::Read);
     if let Some(access) = written {
-        let what = "a field, two words, a sum or a scale from elsewhere can only be read";
+        let what = "a field, a sum, a scale from elsewhere, or two words that are no setpoint, can only be read";
         tell(&access.location, what, "\"read\"", problems);
+    }
+}
+
+/// A setpoint of two words is a plain number, and goes out in one frame.
+fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+    let Some(words) = register.form.words.valid() else { return };
+    let serves = file.functions.value.as_ref().is_none_or(|served| served.value.contains(&function::WRITE_MULTIPLE));
+    if !serves && register.access.as_ref().is_some_and(|access| access.value.can_write()) {
+        let what = "both words are written in one frame by function 10 hex, which is not served";
+        tell(&words.location, what, "0x10 in `functions` if the manual names it", problems);
+    }
+    let has_ratio = register.scale.valid().is_some_and(|scale| scale.value.per != 1);
+    if register.signed.or(false) == Some(true) || has_ratio || register.form.full_scale.valid().is_some() {
+        let what = "a setpoint of two words is a number without a sign and with a plain scale";
+        tell(&words.location, what, "one word, or leave out `signed` and `full_scale`", problems);
     }
 }
 
@@ -279,6 +299,39 @@ mod tests {
             ("mask = 0x00FF\nexponent_mask = 0x0F00", "exponent_mask: the exponent is too wide -> at most 3 bits"),
         ] {
             assert_eq!(said(keys), expected);
+        }
+    }
+
+    #[test]
+    fn a_setpoint_of_two_words_is_written_as_a_plain_number() {
+        let pairs = include_str!("../../../tests/golden/models/pairs.toml");
+        crate::profile::check::model(pairs).unwrap();
+        for (from, to, expected) in [
+            (
+                "[0x03, 0x06, 0x10]",
+                "[0x03, 0x06]",
+                "words: both words are written in one frame by function 10 hex, which is not served\n    \
+                 right: 0x10 in `functions` if the manual names it",
+            ),
+            (
+                "scale = 10000",
+                "scale = 10000\nsigned = true",
+                "words: a setpoint of two words is a number without a sign and with a plain scale\n    \
+                 right: one word, or leave out `signed` and `full_scale`",
+            ),
+            (
+                "scale = 10000",
+                "scale = { steps = 10, per = 3 }",
+                "words: a setpoint of two words is a number without a sign",
+            ),
+            (
+                "role = \"frequency-command\"",
+                "role = \"acceleration-time\"",
+                "access: a field, a sum, a scale from elsewhere, or two words that are no setpoint, can only be read",
+            ),
+        ] {
+            let found = told_with(pairs, from, to);
+            assert!(found.contains(expected), "{to}: {found}");
         }
     }
 

@@ -218,7 +218,9 @@ impl Model {
     #[must_use]
     pub fn is_stored(&self, address: impl Into<Address>) -> bool {
         let address = address.into();
-        let register = self.writable_at(address).or_else(|| self.register_at(address));
+        let is_second = |it: &&Register| it.form.pair.is_some() && it.address.checked_add(1) == Some(address);
+        let second = || self.registers.iter().filter(|register| register.access.can_write()).find(is_second);
+        let register = self.writable_at(address).or_else(|| self.register_at(address)).or_else(second);
         let Some(register) = register else { return true };
         match register.memory {
             Some(memory) => memory == Memory::Stored,

@@ -50,7 +50,7 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         (
             "words",
             "1",
-            "2 for a 32-bit value, which takes this address and the next. It is only read, both words in one frame.",
+            "2 for a 32-bit value, which takes this address and the next. Both words are read in one frame. Only a setpoint may be written: both words in one frame of function 10 hex.",
         ),
         ("word_order", "required with `words = 2`", "The order of the two words."),
         (

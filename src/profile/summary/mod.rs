@@ -89,6 +89,8 @@ mod tests {
     fn orders_are_shown_with_their_registers() {
         let text = include_str!("../../../tests/golden/models/orders.toml");
         golden("orders.txt", &summary(&check::model(text).unwrap()));
+        let text = include_str!("../../../tests/golden/models/pairs.toml");
+        golden("pairs.txt", &summary(&check::model(text).unwrap()));
         let text = include_str!("../../../tests/golden/models/coils.toml");
         golden("coils.txt", &summary(&check::model(text).unwrap()));
         let text = include_str!("../../../tests/golden/models/start.toml");

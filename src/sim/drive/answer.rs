@@ -6,7 +6,7 @@ use super::denied::{Denied, Objection};
 use super::memory::{MemoryAddress, following, index_of, place_of};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Role};
+use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role, WordOrder};
 use crate::sim::options::BadRequest;
 use crate::wire::pdu::{self, Request, function};
 
@@ -154,6 +154,9 @@ impl SimDrive {
     /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
     fn write(&mut self, at: MonoTime, address: Address, value: u16) -> Result<u16, Denied> {
         let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
+        if self.model.registers[place.index].form.pair.is_some() {
+            return Err(Denied::Refused(Objection::Value));
+        }
         // A drive that answers with the kept word refuses nothing if both are equal.
         let refused = self.model.write.refused.value;
         let before = self.held(at, place.index);
@@ -170,6 +173,9 @@ impl SimDrive {
 
     /// Takes all `values` or none.
     fn write_block(&mut self, at: MonoTime, first: Address, values: &[u16]) -> Result<(), Denied> {
+        if let Some(index) = self.pair_at(first) {
+            return self.write_pair(at, index, values);
+        }
         // Without a block, function 10 hex writes one register as 06 does it.
         let block = self.model.write.block.as_ref();
         let most = block.map_or(1, |block| block.count.value);
@@ -200,6 +206,25 @@ impl SimDrive {
             Err(_) => self.report.forbidden_words = trial.report.forbidden_words,
         }
         done.map_err(Denied::Refused)
+    }
+
+    /// The register of two words that is written at `address`.
+    fn pair_at(&self, address: Address) -> Option<usize> {
+        let is_it = |it: &Register| it.address == address && it.access.can_write() && it.form.pair.is_some();
+        self.model.registers.iter().position(is_it)
+    }
+
+    /// Takes a setpoint of two words, never half of it.
+    fn write_pair(&mut self, at: MonoTime, index: usize, values: &[u16]) -> Result<(), Denied> {
+        let [first, second] = *values else { return Err(Denied::Request(Objection::Quantity)) };
+        let register = &self.model.registers[index];
+        let (high, low) = match register.form.pair {
+            Some(WordOrder::LowFirst) => (second, first),
+            Some(WordOrder::HighFirst) | None => (first, second),
+        };
+        let number = i128::from(high) << 16 | i128::from(low);
+        let micro = self.micro_of_number(register, number);
+        self.take_setpoint(at, micro).map_err(Denied::Refused)
     }
 
     /// Accepts `value` at `place`, or returns why not.

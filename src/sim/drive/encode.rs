@@ -83,6 +83,11 @@ impl SimDrive {
     /// The value in millionths that `word` means in `register`, which is one word.
     pub(super) fn micro_of(&self, register: &Register, word: u16) -> i64 {
         let number = if register.signed { i128::from(word.cast_signed()) } else { i128::from(word) };
+        self.micro_of_number(register, number)
+    }
+
+    /// The value in millionths that `number` means in `register`.
+    pub(super) fn micro_of_number(&self, register: &Register, number: i128) -> i64 {
         let micro = match &register.form.full_scale {
             Some(scale) => {
                 let (from, of) = self.ends(scale);

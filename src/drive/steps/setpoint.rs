@@ -1,0 +1,107 @@
+//! How a setpoint is written, alone or before the run word, and how the drive shows it.
+
+use super::{Condition, NoSteps, SHOWN_WITHIN, Step, StepPart, Write};
+use crate::domain::command::Go;
+use crate::domain::control::ControlSettings;
+use crate::domain::frequency::Hertz;
+use crate::drive::bases::Bases;
+use crate::profile::model::{Model, Register, Role};
+
+/// The write of a setpoint: one word, or both words of a pair.
+pub(super) fn setpoint(
+    model: &Model,
+    frequency: Hertz,
+    control: &ControlSettings,
+    bases: &Bases,
+) -> Result<Vec<Write>, NoSteps> {
+    let register = model.register_for(Role::FrequencyCommand).ok_or(NoSteps::NotCapable)?;
+    let write = |address, value, shown: &Option<Condition>| Write {
+        address,
+        value,
+        part: StepPart::Setpoint(frequency),
+        shown: shown.clone().into_iter().collect(),
+    };
+    if register.form.pair.is_some() {
+        let [first, second] = register.pair_of(frequency).ok_or(NoSteps::BetweenSteps)?;
+        let next = register.address.checked_add(1).ok_or(NoSteps::NotCapable)?;
+        let shown = model.setting_register().and_then(|setting| shows(setting, frequency));
+        return Ok(vec![write(register.address, first, &shown), write(next, second, &shown)]);
+    }
+    let known = |address| bases.word(address);
+    let value = register.word_of(frequency, (control.least, control.most), known).ok_or(NoSteps::BetweenSteps)?;
+    let shown = model.setting_register().and_then(|setting| {
+        if setting.form.pair.is_some() {
+            return shows(setting, frequency);
+        }
+        let words = setpoint_words(register, setting, frequency, value, bases)?;
+        Some(Condition::holds(setting.address, words, SHOWN_WITHIN))
+    });
+    Ok(vec![write(register.address, value, &shown)])
+}
+
+/// That `setting` shows `frequency`; `None` if it does not hold it exactly.
+fn shows(setting: &Register, frequency: Hertz) -> Option<Condition> {
+    if let Some([first, second]) = setting.pair_of(frequency) {
+        let condition = Condition::holds(setting.address, vec![first], SHOWN_WITHIN);
+        return Some(Condition { second: Some(second), ..condition });
+    }
+    let word = frequency.to_word(setting.scale).filter(|_| setting.form.pair.is_none() && setting.is_exact())?;
+    Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
+}
+
+/// The words with which `setting` may show `frequency` once `register` has been given `value`.
+fn setpoint_words(
+    register: &Register,
+    setting: &Register,
+    frequency: Hertz,
+    value: u16,
+    bases: &Bases,
+) -> Option<Vec<u16>> {
+    if register.is_exact() && setting.is_exact() {
+        return Some(vec![frequency.to_word(setting.scale)?]);
+    }
+    if register.scale == setting.scale && register.form == setting.form {
+        return Some(vec![value]);
+    }
+    let words = setting.words_like(register, value, |address| bases.word(address));
+    Some(words).filter(|words| !words.is_empty())
+}
+
+/// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
+pub(super) fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option<Hertz>, NoSteps> {
+    // A range of words can be checked, a range of pairs is not.
+    let is_checked = model.setting_register().is_some_and(|setting| setting.form.pair.is_none());
+    let must_be_given = model.quirks.setpoint_before_run.is_some() || !is_checked;
+    match go.frequency() {
+        Some(frequency) => Ok(Some(frequency)),
+        None if must_be_given => last.map(Some).ok_or(NoSteps::SetpointUnknown),
+        None => Ok(None),
+    }
+}
+
+pub(super) fn setpoint_and_run(model: &Model, setpoint: Vec<Write>, run: Write) -> Vec<Step> {
+    let setpoint = match <[Write; 1]>::try_from(setpoint) {
+        Ok([setpoint]) => setpoint,
+        Err(pair) => return vec![Step::Write(pair), Step::Write(vec![run])],
+    };
+    let low = setpoint.address.min(run.address);
+    let high = setpoint.address.max(run.address);
+    let block = model.write.block.as_ref().filter(|block| block.count.confidence.is_proven());
+    let in_one_frame = block.is_some_and(|block| {
+        let end = block.address.saturating_add(block.count.value);
+        low.checked_add(1) == Some(high) && (block.address..end).contains(&low) && (block.address..end).contains(&high)
+    });
+    match (in_one_frame, setpoint.address == low) {
+        (true, true) => vec![Step::Write(vec![setpoint, run])],
+        (true, false) => vec![Step::Write(vec![run, setpoint])],
+        (false, _) => vec![Step::Write(vec![setpoint]), Step::Write(vec![run])],
+    }
+}
+
+/// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.
+pub(super) fn check_setting(model: &Model, control: &ControlSettings, bases: &Bases) -> Result<Step, NoSteps> {
+    let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
+    let words = setting.words_within((control.least, control.most), |address| bases.word(address));
+    let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
+    Ok(Step::Check { address: setting.address, least, most })
+}
