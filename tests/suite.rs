@@ -123,6 +123,8 @@ mod setpoint_before_run;
 mod shaped_bursts;
 #[path = "scenarios/sharing.rs"]
 mod sharing;
+#[path = "scenarios/sheets.rs"]
+mod sheets;
 #[path = "scenarios/starts.rs"]
 mod starts;
 #[path = "scenarios/stop_all.rs"]

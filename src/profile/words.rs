@@ -107,7 +107,7 @@ pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(
 );
 
 /// Degrees of confidence.
-pub(super) const CONFIDENCES: [(&str, Confidence); 7] =
+pub const CONFIDENCES: [(&str, Confidence); 7] =
     own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
