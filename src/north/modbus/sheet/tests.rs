@@ -78,7 +78,7 @@ fn promised(row: &SheetRow, drive: &DriveDescription, view: &DriveView) -> Optio
     let address = number(&row.special, "from ")? as u16;
     let native = native(drive, ALL).into_iter().find(|it| it.address == address).unwrap();
     let raw = view.snapshot.reading(address).unwrap().raw;
-    let value = f64::from(raw) * native.step.parse::<f64>().unwrap();
+    let value = f64::from(raw) * native.step.parse::<f64>().ok()?;
     let value = match (native.unit, row.unit) {
         ("%", "A") => value / 100.0 * 11.0,
         ("%", "V") => value / 100.0 * 400.0,
