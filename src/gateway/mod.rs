@@ -16,7 +16,7 @@
 //! | `probe` | finds out whether the line echoes |
 //! | `health` | decides whether the line can be used |
 //! | `traffic` | reports traffic to those who watch the line |
-//! | `work` | a drive's own work: its `stop`, the `list` of steps of a command, its trips |
+//! | `work` | a drive's own work: its `stop`, the `execution` of a command, its trips |
 
 mod ask;
 mod barrier;
@@ -26,9 +26,9 @@ mod decide;
 mod drive;
 mod ended;
 mod event;
+mod execution;
 mod falling;
 mod health;
-mod list;
 mod measured;
 mod natives;
 mod note;

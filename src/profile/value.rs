@@ -1,6 +1,6 @@
 //! The value of a register, worked out from the words of the drive. This is the only place that knows how.
 
-use super::model::{Basis, FullScale, Part, Register, Whole, WordOrder};
+use super::model::{Addend, Basis, FullScale, Register, Whole, WordOrder};
 use super::scale::{Decimal, Scaled, digits_of};
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
@@ -306,7 +306,7 @@ impl Register {
     }
 }
 
-impl Part {
+impl Addend {
     fn value(&self, word: u16) -> Option<Ratio> {
         Ratio::new(i128::from(word) * i128::from(self.per), self.scale.into())
     }

@@ -20,7 +20,7 @@
 //! ```
 
 #[cfg(test)]
-pub mod asked;
+pub mod key_uses;
 mod location;
 mod reader;
 pub mod values;

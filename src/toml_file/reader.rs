@@ -1,7 +1,7 @@
 //! Reads a table key by key. See the example in [`crate::toml_file`].
 
 #[cfg(test)]
-use super::asked::{self, Form};
+use super::key_uses::{self, Form};
 use super::location::{Location, OptionalKey, RequiredKey, Spanned};
 use super::values::{Kind, kind_of};
 use crate::domain::problem::{Problem, nearest};
@@ -246,7 +246,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     /// and omitted.
     pub fn all<T>(self, kind: &Kind<'_, T>) -> Vec<(String, Spanned<T>)> {
         #[cfg(test)]
-        self.note(asked::ANY, Form::Value, false, kind.right());
+        self.note(key_uses::ANY, Form::Value, false, kind.right());
         let table = self.section.table;
         let entries = table.iter();
         entries
@@ -261,7 +261,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     /// The tables and values of all keys; otherwise as [`Self::all`].
     pub fn entries<T>(&mut self, kind: &Kind<'_, T>) -> Vec<(String, Entry<'a, T>)> {
         #[cfg(test)]
-        self.note(asked::ANY, Form::ValueOrTable, false, kind.right());
+        self.note(key_uses::ANY, Form::ValueOrTable, false, kind.right());
         let table = self.section.table;
         let mut entries = Vec::new();
         for (key, value) in table {
@@ -278,7 +278,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     /// The lists of all keys; otherwise as [`Self::all`].
     pub fn all_lists<T>(mut self, kind: &Kind<'_, T>) -> Vec<(String, Spanned<Vec<Spanned<T>>>)> {
         #[cfg(test)]
-        self.note(asked::ANY, Form::List, false, kind.right());
+        self.note(key_uses::ANY, Form::List, false, kind.right());
         let table = self.section.table;
         let mut lists = Vec::new();
         for (key, value) in table {
@@ -316,7 +316,7 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     #[cfg(test)]
     fn note(&self, key: &'static str, form: Form, is_required: bool, right: &str) {
-        asked::note(&self.section.location.key, key, form, is_required, right);
+        key_uses::note(&self.section.location.key, key, form, is_required, right);
     }
 
     fn find(&mut self, key: &'static str) -> Option<(Location, &'a DeValue<'a>)> {

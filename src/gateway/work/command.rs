@@ -7,7 +7,7 @@ use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
 use crate::gateway::event::Effect;
-use crate::gateway::list::List;
+use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::gateway::waiter::Waiter;
@@ -75,7 +75,7 @@ impl DriveWork {
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.open_lease(runs, now, out);
-                self.push(List::new(approved, waiter), out);
+                self.push(Execution::new(approved, waiter), out);
                 if let Some(row) = self.keep_reset(out) {
                     self.opens_behind(row, now);
                 }
@@ -91,13 +91,13 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn push(&mut self, list: List, out: Out<'_>) {
-        while let Some(at) = self.waiting.iter().position(|old| old.is_replaced_by(&list)) {
+    pub(super) fn push(&mut self, execution: Execution, out: Out<'_>) {
+        while let Some(at) = self.waiting.iter().position(|old| old.is_replaced_by(&execution)) {
             if let Some(mut old) = self.waiting.remove(at) {
                 self.tell(old.waiter(), Report::new(Outcome::Superseded, Reason::Newer), true, out);
             }
         }
-        self.waiting.push_back(list);
+        self.waiting.push_back(execution);
     }
 
     pub(super) fn join_stop(&mut self, waiter: Waiter, out: Out<'_>) {
@@ -116,8 +116,7 @@ impl DriveWork {
 
     /// Cancels every order to move: it has no owner any more, or the drive cannot follow it.
     pub(super) fn cut_motion(&mut self, reason: Reason, out: Out<'_>) {
-        let moves =
-            |list: &List| matches!(list.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
+        let moves = |execution: &Execution| matches!(execution.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
         let is_current = self.current.as_ref().is_some_and(moves);
         if is_current {
             self.leave_flight(out.now());
@@ -125,36 +124,36 @@ impl DriveWork {
         let current = if is_current { self.current.take() } else { None };
         let (cut, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(moves);
         self.waiting = kept;
-        for mut list in current.into_iter().chain(cut) {
-            let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
-            self.tell(list.waiter(), Report::new(outcome, reason), true, out);
+        for mut execution in current.into_iter().chain(cut) {
+            let outcome = if execution.has_begun() { Outcome::Unknown } else { Outcome::Refused };
+            self.tell(execution.waiter(), Report::new(outcome, reason), true, out);
         }
     }
 
-    /// The client `asker` is gone: its commands that have not begun are dropped. A stop is not a list and stays. Returns
+    /// The client `asker` is gone: its commands that have not begun are dropped. A stop is not an execution and stays. Returns
     /// the number of dropped commands.
     pub fn withdraw(&mut self, asker: AskerId, out: Out<'_>) -> u64 {
-        self.withdraw_all(|list| list.is_of(asker), Report::refused(Reason::CommanderLost), out)
+        self.withdraw_all(|execution| execution.is_of(asker), Report::refused(Reason::CommanderLost), out)
     }
 
     /// Control was taken over: orders of the previous owner that have not begun are dropped, the rest continues.
     fn taken(&mut self, from: Option<Owner>, by: Owner, out: Out<'_>) {
         out.push_back(Effect::Note(self.drive, Note::Taken { from, by }));
-        self.withdraw_all(|list| Some(list.owner()) == from, Report::held_by(by), out);
+        self.withdraw_all(|execution| Some(execution.owner()) == from, Report::held_by(by), out);
     }
 
-    fn withdraw_all(&mut self, goes: impl Fn(&List) -> bool, report: Report, out: Out<'_>) -> u64 {
-        let goes = |list: &List| goes(list) && !list.has_begun();
-        let current = self.current.take_if(|list| goes(list));
+    fn withdraw_all(&mut self, goes: impl Fn(&Execution) -> bool, report: Report, out: Out<'_>) -> u64 {
+        let goes = |execution: &Execution| goes(execution) && !execution.has_begun();
+        let current = self.current.take_if(|execution| goes(execution));
         if current.is_some() && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
             self.flight = None;
         }
         let (gone, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(goes);
         self.waiting = kept;
         let mut count = 0;
-        for mut list in current.into_iter().chain(gone) {
+        for mut execution in current.into_iter().chain(gone) {
             count += 1;
-            self.finish(&mut list, report, out);
+            self.finish(&mut execution, report, out);
         }
         count
     }
@@ -164,13 +163,14 @@ impl DriveWork {
         let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
         self.leave_flight(now);
         // A drive that was reset still ignores requests.
-        let rest = self.current.as_ref().and_then(|list| list.rest_to_come(is_on_the_wire));
+        let rest = self.current.as_ref().and_then(|execution| execution.rest_to_come(is_on_the_wire));
         self.rest_until = rest.map(|rest| now + rest).or(self.rest_until);
-        for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+        for mut execution in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
             // The effect of a stop on the motor is known; whether a register took its value is not.
-            let is_register = matches!(list.order(), Order::Go(go) if go.run().is_none() && go.frequency().is_none());
-            let outcome = if is_register && list.has_begun() { Outcome::Unknown } else { Outcome::Superseded };
-            self.tell(list.waiter(), Report::new(outcome, Reason::Stopped), true, out);
+            let is_register =
+                matches!(execution.order(), Order::Go(go) if go.run().is_none() && go.frequency().is_none());
+            let outcome = if is_register && execution.has_begun() { Outcome::Unknown } else { Outcome::Superseded };
+            self.tell(execution.waiter(), Report::new(outcome, Reason::Stopped), true, out);
         }
     }
 
@@ -201,10 +201,10 @@ impl DriveWork {
         }
     }
 
-    /// The list is over: unfinished orders are no longer part of the intent.
-    pub(super) fn finish(&mut self, list: &mut List, report: Report, out: Out<'_>) {
+    /// The execution is over: unfinished orders are no longer part of the intent.
+    pub(super) fn finish(&mut self, execution: &mut Execution, report: Report, out: Out<'_>) {
         if matches!(report.outcome, Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded) {
-            for part in list.parts_left() {
+            for part in execution.parts_left() {
                 match part {
                     StepPart::Run(direction) => {
                         let still_ordered = self.last_left(|_, part| match part {
@@ -214,8 +214,8 @@ impl DriveWork {
                         self.guard.run_failed(direction, still_ordered);
                     }
                     StepPart::Setpoint(value) => {
-                        let still_ordered = self.last_left(|list, part| match part {
-                            StepPart::Setpoint(value) => Some((list.owner(), value)),
+                        let still_ordered = self.last_left(|execution, part| match part {
+                            StepPart::Setpoint(value) => Some((execution.owner(), value)),
                             _ => None,
                         });
                         self.guard.setpoint_failed(value, still_ordered);
@@ -230,12 +230,12 @@ impl DriveWork {
                 }
             }
         }
-        self.tell(list.waiter(), report, true, out);
+        self.tell(execution.waiter(), report, true, out);
     }
 
     /// The newest value that `of` finds in the orders still to be sent.
-    fn last_left<T>(&self, of: impl Fn(&List, StepPart) -> Option<T>) -> Option<T> {
-        let lists = self.current.iter().chain(&self.waiting);
-        lists.rev().find_map(|list| list.parts_left().filter_map(|part| of(list, part)).last())
+    fn last_left<T>(&self, of: impl Fn(&Execution, StepPart) -> Option<T>) -> Option<T> {
+        let executions = self.current.iter().chain(&self.waiting);
+        executions.rev().find_map(|execution| execution.parts_left().filter_map(|part| of(execution, part)).last())
     }
 }

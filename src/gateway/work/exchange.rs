@@ -6,7 +6,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
 use crate::gateway::ended::BUSY_REST;
 use crate::gateway::event::Effect;
-use crate::gateway::list::{Next, reason_of};
+use crate::gateway::execution::{Next, reason_of};
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::line::exchange::Ending;
@@ -21,10 +21,10 @@ impl DriveWork {
             let rank = if latch.is_first() { Rank::FirstStop } else { Rank::RepeatedStop };
             Want { rank, at, request }
         });
-        let list = self.current.as_ref().or(self.waiting.front()).and_then(|list| {
-            let rank = if list.is_new() { Rank::Start } else { Rank::Step };
-            let (at, request) = list.request()?;
-            Some(Want { rank, at: at.max(self.opens_at(list)), request })
+        let execution = self.current.as_ref().or(self.waiting.front()).and_then(|execution| {
+            let rank = if execution.is_new() { Rank::Start } else { Rank::Step };
+            let (at, request) = execution.request()?;
+            Some(Want { rank, at: at.max(self.opens_at(execution)), request })
         });
         let look = self.latch.as_ref().filter(|latch| latch.look_at() < MonoTime::NEVER).and_then(|latch| {
             let (address, count) = self.looks.get(latch.looks() % self.looks.len().max(1)).copied()?;
@@ -36,7 +36,7 @@ impl DriveWork {
             at: MonoTime::ZERO,
             request: Request::Read { address, count },
         });
-        [stop, list, look, trip].into_iter().flatten()
+        [stop, execution, look, trip].into_iter().flatten()
     }
 
     /// Sends the wish of `rank` at `now`. If its deadline has passed, it is answered and nothing is sent.
@@ -51,13 +51,13 @@ impl DriveWork {
                 if self.current.is_none() {
                     self.current = self.waiting.pop_front();
                 }
-                let Some(list) = &mut self.current else { return false };
-                if let Err(void) = list.may_go(now, self.guard.stops()) {
+                let Some(execution) = &mut self.current else { return false };
+                if let Err(void) = execution.may_go(now, self.guard.stops()) {
                     self.void(void, out);
                     return false;
                 }
-                list.was_sent();
-                self.reset.stands |= list.leaves_a_reset_standing();
+                execution.was_sent();
+                self.reset.stands |= execution.leaves_a_reset_standing();
                 self.start_was_sent();
             }
             Rank::Look | Rank::Trip => {}
@@ -130,13 +130,13 @@ impl DriveWork {
         if let Some(latch) = &mut self.latch {
             latch.unanswered(now);
         }
-        for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
-            let report = if list.has_begun() {
+        for mut execution in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+            let report = if execution.has_begun() {
                 Report::new(Outcome::Unknown, Reason::NoReply)
             } else {
                 Report::refused(Reason::LineDown)
             };
-            self.finish(&mut list, report, out);
+            self.finish(&mut execution, report, out);
         }
         self.out_of_sight(out);
     }
@@ -200,14 +200,14 @@ impl DriveWork {
     }
 
     pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
-        let Some(mut list) = self.current.take() else { return };
-        let written: Vec<StepPart> = list.present_writes().iter().map(|write| write.part).collect();
-        let reads_identity = list.reads_identity();
-        let in_question: Vec<StepPart> = list.writes_in_question().iter().map(|write| write.part).collect();
+        let Some(mut execution) = self.current.take() else { return };
+        let written: Vec<StepPart> = execution.present_writes().iter().map(|write| write.part).collect();
+        let reads_identity = execution.reads_identity();
+        let in_question: Vec<StepPart> = execution.writes_in_question().iter().map(|write| write.part).collect();
         let mut next = match ending {
-            Ending::Reply(reply) => list.answered(reply, now),
-            Ending::Exception(code) => list.excepted(*code, self.model.exception_kind(*code)),
-            Ending::Garbled | Ending::Silent => list.unanswered(),
+            Ending::Reply(reply) => execution.answered(reply, now),
+            Ending::Exception(code) => execution.excepted(*code, self.model.exception_kind(*code)),
+            Ending::Garbled | Ending::Silent => execution.unanswered(),
         };
         if reads_identity && matches!((ending, next), (Ending::Reply(_), Next::Goes(_))) {
             self.guard.was_identified();
@@ -216,17 +216,17 @@ impl DriveWork {
             written.iter().for_each(|part| self.part_in_doubt(*part, now));
         }
         if matches!(next, Next::Ends(Report { outcome: Outcome::Confirmed, .. })) {
-            in_question.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure(), now));
+            in_question.into_iter().for_each(|part| self.part_taken(part, execution.owner(), execution.is_sure(), now));
         }
         let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
         if matches!(ending, Ending::Reply(_)) && !refused {
-            written.into_iter().for_each(|part| self.part_taken(part, list.owner(), list.is_sure(), now));
+            written.into_iter().for_each(|part| self.part_taken(part, execution.owner(), execution.is_sure(), now));
         }
-        if let (Next::Goes(report), Some((until, is_deaf))) = (next, list.rest_at(now)) {
+        if let (Next::Goes(report), Some((until, is_deaf))) = (next, execution.rest_at(now)) {
             if is_deaf {
                 self.rest_until = Some(until);
             }
-            next = match list.rest(until) {
+            next = match execution.rest(until) {
                 Next::Goes(later) => Next::Goes(report.or(later)),
                 ends @ Next::Ends(_) => ends,
             };
@@ -234,18 +234,18 @@ impl DriveWork {
         match next {
             Next::Goes(report) => {
                 if let Some(report) = report {
-                    self.tell(list.waiter(), report, false, out);
+                    self.tell(execution.waiter(), report, false, out);
                 }
-                self.current = Some(list);
+                self.current = Some(execution);
             }
             Next::Ends(report) => {
-                if report.reason == Reason::SetpointUnknown && *list.order() == Order::Reset {
+                if report.reason == Reason::SetpointUnknown && *execution.order() == Order::Reset {
                     // The reset word is not in the register.
                     self.reset_is_taken_back();
                 } else if report.reason == Reason::SetpointUnknown {
                     out.push_back(Effect::Note(self.drive, Note::SetpointOutside));
                 }
-                self.finish(&mut list, report, out);
+                self.finish(&mut execution, report, out);
             }
         }
     }
@@ -256,9 +256,9 @@ impl DriveWork {
             return;
         }
         self.flight = None;
-        let list = self.current.as_ref();
+        let execution = self.current.as_ref();
         let written: Vec<StepPart> =
-            list.into_iter().flat_map(|list| list.present_writes()).map(|it| it.part).collect();
+            execution.into_iter().flat_map(|execution| execution.present_writes()).map(|it| it.part).collect();
         written.into_iter().for_each(|part| self.part_in_doubt(part, now));
     }
 

@@ -13,7 +13,7 @@ mod standing;
 mod start;
 mod watchdog;
 
-use super::list::List;
+use super::execution::Execution;
 use super::outbox::Outbox;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
@@ -78,8 +78,8 @@ pub struct DriveWork {
     model: Arc<Model>,
     guard: DriveGuard,
     latch: Option<StopLatch>,
-    current: Option<List>,
-    waiting: VecDeque<List>,
+    current: Option<Execution>,
+    waiting: VecDeque<Execution>,
     /// Its exchange on the wire, and whether the result still matters.
     flight: Option<Rank>,
     trips: TripWatch,
@@ -261,7 +261,7 @@ impl DriveWork {
     /// Whether a stop is not effective yet, or a reset has begun but not ended: its last word clears it.
     #[must_use]
     pub fn must_go_on(&self) -> bool {
-        let resets = |list: &List| *list.order() == Order::Reset && list.has_begun();
+        let resets = |execution: &Execution| *execution.order() == Order::Reset && execution.has_begun();
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 

@@ -4,7 +4,7 @@ use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::gateway::event::Effect;
-use crate::gateway::list::List;
+use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::gateway::stop::Turn;
 use crate::guard::Void;
@@ -40,10 +40,10 @@ impl DriveWork {
     pub fn next_wake(&self) -> Option<MonoTime> {
         let control = self.guard.control();
         let stop = self.latch.as_ref().zip(control).and_then(|(latch, control)| latch.next_wake(control));
-        let current = self.current.as_ref().filter(|list| !list.has_begun() && self.flight.is_none());
-        let lists = current.into_iter().chain(&self.waiting).map(List::start_before).min();
+        let current = self.current.as_ref().filter(|execution| !execution.has_begun() && self.flight.is_none());
+        let executions = current.into_iter().chain(&self.waiting).map(Execution::start_before).min();
         let opening = self.opening.map(|opening| opening.until);
-        [self.guard.next_wake(), stop, self.left_at(), lists, opening].into_iter().flatten().min()
+        [self.guard.next_wake(), stop, self.left_at(), executions, opening].into_iter().flatten().min()
     }
 
     pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
@@ -72,23 +72,23 @@ impl DriveWork {
 
     pub(super) fn expire_lists(&mut self, now: MonoTime, out: Out<'_>) {
         if self.flight.is_none()
-            && self.current.as_ref().is_some_and(|list| !list.has_begun() && now >= list.start_before())
+            && self.current.as_ref().is_some_and(|execution| !execution.has_begun() && now >= execution.start_before())
         {
             self.void(Void::TooLate, out);
         }
-        while let Some(at) = self.waiting.iter().position(|list| now >= list.start_before()) {
-            if let Some(mut list) = self.waiting.remove(at) {
-                self.finish(&mut list, Report::new(Outcome::Expired, Reason::TooLate), out);
+        while let Some(at) = self.waiting.iter().position(|execution| now >= execution.start_before()) {
+            if let Some(mut execution) = self.waiting.remove(at) {
+                self.finish(&mut execution, Report::new(Outcome::Expired, Reason::TooLate), out);
             }
         }
     }
 
     pub(super) fn void(&mut self, void: Void, out: Out<'_>) {
-        let Some(mut list) = self.current.take() else { return };
+        let Some(mut execution) = self.current.take() else { return };
         let report = match void {
             Void::Stopped => Report::new(Outcome::Superseded, Reason::Stopped),
             Void::TooLate => Report::new(Outcome::Expired, Reason::TooLate),
         };
-        self.finish(&mut list, report, out);
+        self.finish(&mut execution, report, out);
     }
 }

@@ -5,7 +5,7 @@ use super::{DriveWork, Out};
 use crate::domain::command::{Order, RunIntent};
 use crate::domain::time::MonoTime;
 use crate::gateway::event::Effect;
-use crate::gateway::list::List;
+use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::gateway::waiter::Waiter;
 use crate::journal::{Entry, RowNumber};
@@ -14,7 +14,7 @@ use crate::profile::model::OrderKind;
 impl DriveWork {
     /// Records whether the reset word may remain from now on, if that has changed. Returns its row.
     pub fn keep_reset(&mut self, out: Out<'_>) -> Option<RowNumber> {
-        let resets = |list: &List| *list.order() == Order::Reset;
+        let resets = |execution: &Execution| *execution.order() == Order::Reset;
         let may_stand = self.reset.stands || self.current.iter().chain(&self.waiting).any(resets);
         if may_stand == self.said_reset {
             return None;
@@ -43,7 +43,7 @@ impl DriveWork {
         self.reset.attempt(now);
         let Some(approved) = self.guard.take_reset_back() else { return };
         out.push_back(Effect::Note(self.drive, Note::ResetTakenBack));
-        self.waiting.push_front(List::new(approved, Waiter::of_nobody(self.drive)));
+        self.waiting.push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
     }
 
     /// The word of the order `kind` was written: it replaces the reset word where both are in one register.

@@ -6,7 +6,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::trips::{TripBaseline, TripWatch};
 use crate::drive::view::{KeptTrips, TripEvent};
 use crate::gateway::event::Effect;
-use crate::gateway::list::List;
+use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::journal::{Entry, Remembered, RowNumber};
 use std::collections::VecDeque;
@@ -109,9 +109,9 @@ impl DriveWork {
         self.opening = Some(Opening { row, until: now + WAIT_MAX });
     }
 
-    /// When `list` may begin, as far as the journal is concerned.
-    pub(super) fn opens_at(&self, list: &List) -> MonoTime {
-        let opening = self.opening.filter(|_| waits_for_row(list));
+    /// When `execution` may begin, as far as the journal is concerned.
+    pub(super) fn opens_at(&self, execution: &Execution) -> MonoTime {
+        let opening = self.opening.filter(|_| waits_for_row(execution));
         opening.map_or(MonoTime::ZERO, |opening| opening.until)
     }
 
@@ -140,9 +140,9 @@ impl DriveWork {
 
     /// The line is left: work in progress ends here.
     pub fn end_attempts(&mut self, out: Out<'_>) {
-        for mut list in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
-            let outcome = if list.has_begun() { Outcome::Unknown } else { Outcome::Refused };
-            self.tell(list.waiter(), Report::new(outcome, Reason::ShuttingDown), true, out);
+        for mut execution in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+            let outcome = if execution.has_begun() { Outcome::Unknown } else { Outcome::Refused };
+            self.tell(execution.waiter(), Report::new(outcome, Reason::ShuttingDown), true, out);
         }
         let unread = self.trips.tell_unread();
         self.trip(unread, out);
@@ -167,11 +167,11 @@ impl DurableTrips {
     }
 }
 
-/// Whether `list` is an order to run, or a reset, that has not begun.
-fn waits_for_row(list: &List) -> bool {
-    let waits = match list.order() {
+/// Whether `execution` is an order to run, or a reset, that has not begun.
+fn waits_for_row(execution: &Execution) -> bool {
+    let waits = match execution.order() {
         Order::Go(go) => go.run().is_some(),
         order => *order == Order::Reset,
     };
-    list.is_new() && !list.has_begun() && waits
+    execution.is_new() && !execution.has_begun() && waits
 }

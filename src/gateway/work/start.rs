@@ -4,15 +4,15 @@ use super::{DriveWork, Out};
 use crate::domain::command::{Order, Reason};
 use crate::domain::time::MonoTime;
 use crate::gateway::event::Effect;
-use crate::gateway::list::List;
+use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::gateway::waiter::Waiter;
 use crate::profile::model::OrderKind;
 
 impl DriveWork {
-    /// The next request of `list` is sent.
+    /// The next request of `execution` is sent.
     pub(super) fn start_was_sent(&mut self) {
-        let starts = self.current.as_ref().is_some_and(List::starts);
+        let starts = self.current.as_ref().is_some_and(Execution::starts);
         if starts && self.model.start_take_back().is_some() {
             self.start.was_sent();
         }
@@ -20,8 +20,8 @@ impl DriveWork {
 
     /// The drive shows that it runs: the effect of the run word, if that was the last word sent.
     pub(super) fn runs_now(&mut self) {
-        let runs = |list: &List| matches!(list.order(), Order::Go(go) if go.run().is_some());
-        let shows_it = self.current.as_ref().is_some_and(|list| runs(list) && list.is_reading_back());
+        let runs = |execution: &Execution| matches!(execution.order(), Order::Go(go) if go.run().is_some());
+        let shows_it = self.current.as_ref().is_some_and(|execution| runs(execution) && execution.is_reading_back());
         self.start.stands &= !shows_it;
     }
 
@@ -47,6 +47,6 @@ impl DriveWork {
         self.cut_motion(Reason::NotReady, out);
         let Some(approved) = self.guard.take_start_back(now) else { return };
         out.push_back(Effect::Note(self.drive, Note::StartTakenBack));
-        self.waiting.push_front(List::new(approved, Waiter::of_nobody(self.drive)));
+        self.waiting.push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
     }
 }

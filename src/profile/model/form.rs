@@ -39,7 +39,7 @@ pub struct Form {
     /// The steps per unit are in another register.
     pub scale_by: Option<ScaleBy>,
     /// Further words that are added.
-    pub plus: Vec<Part>,
+    pub plus: Vec<Addend>,
     /// The sign is the direction in which the motor turns.
     pub sign_is_direction: bool,
 }
@@ -145,7 +145,7 @@ pub struct ScaleBy {
 
 /// A word that is added to a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
+pub struct Addend {
     /// Where it is.
     pub address: Address,
     /// Its steps.

@@ -20,7 +20,7 @@ pub use codes::CodeRule;
 pub use command::{Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, Watchdog, WriteRules};
 pub use document::{Document, DocumentKind};
 pub use evidence::SecondSource;
-pub use form::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
+pub use form::{Addend, Basis, Form, FullScale, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
 pub use link::{Broadcast, Link, Timing};
 pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetStep, ResetWrite};

@@ -9,7 +9,7 @@ mod schema;
 mod words;
 
 use crate::profile::like::ROWS;
-use crate::toml_file::asked::Form;
+use crate::toml_file::key_uses::Form;
 use schema::Schema;
 use std::collections::BTreeSet;
 use std::fmt::Write;

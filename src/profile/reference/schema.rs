@@ -2,7 +2,7 @@
 
 use super::words::FACT;
 use crate::profile::check;
-use crate::toml_file::asked::{ANY, Asked, Form, noted};
+use crate::toml_file::key_uses::{ANY, Form, KeyUse, noted};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -48,7 +48,7 @@ impl Schema {
         schema
     }
 
-    fn add(&mut self, asked: Asked, free: &BTreeSet<String>) {
+    fn add(&mut self, asked: KeyUse, free: &BTreeSet<String>) {
         let mut table = with_any(&asked.table, free);
         self.tables.insert(table.clone());
         if OF_FACTS.contains(&asked.key) {

@@ -2,7 +2,7 @@
 
 use super::{RegisterFile, named};
 use crate::domain::address::{Address, Table};
-use crate::profile::model::{Basis, Form, FullScale, Part, ScaleBy, Whole, WordOrder};
+use crate::profile::model::{Addend, Basis, Form, FullScale, ScaleBy, Whole, WordOrder};
 use crate::profile::words::WORD_ORDERS;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Entry, Location, OptionalKey, Reader, RequiredKey, Section, Spanned};
@@ -142,9 +142,9 @@ impl ScaleByFile {
 
 impl PartFile {
     /// The word in the `table` of its register.
-    fn ready(&self, table: Table) -> Option<Part> {
+    fn ready(&self, table: Table) -> Option<Addend> {
         let scale = self.scale.or(Steps::ONE)?;
-        Some(Part { address: Address::new(table, self.address.as_ref()?.value), scale: scale.steps, per: scale.per })
+        Some(Addend { address: Address::new(table, self.address.as_ref()?.value), scale: scale.steps, per: scale.per })
     }
 }
 

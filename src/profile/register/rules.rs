@@ -15,7 +15,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
         let owner = format!("`{}` of the model", register.name);
         taken.labels.insert(register.name.to_lowercase(), owner.clone());
         taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
-        let place = Place { owner, access: register.access, bits: register.form.mask | register.form.exponent_mask };
+        let place = Occupied { owner, access: register.access, bits: register.form.mask | register.form.exponent_mask };
         let words = register.address.onwards().take(register.form.words().into());
         words.for_each(|it| taken.addresses.entry(it).or_default().push(place.clone()));
     }
@@ -28,7 +28,7 @@ pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile],
 #[derive(Default)]
 struct UsedNames {
     labels: BTreeMap<String, String>,
-    addresses: BTreeMap<Address, Vec<Place>>,
+    addresses: BTreeMap<Address, Vec<Occupied>>,
     roles: BTreeMap<Role, String>,
     /// The model is finished: what others add shares no address with it.
     is_extended: bool,
@@ -58,14 +58,14 @@ impl UsedNames {
 
 /// What a register takes of an address.
 #[derive(Clone)]
-struct Place {
+struct Occupied {
     owner: String,
     access: Access,
     /// The bits of a field; all for a register without one.
     bits: u16,
 }
 
-impl Place {
+impl Occupied {
     /// Whether both may be at one address: fields without a common bit that are only read, or one that is only read and
     /// one that is only written.
     fn may_share(&self, other: &Self) -> bool {
@@ -82,7 +82,7 @@ impl UsedNames {
     fn claim_words(&mut self, register: &RegisterFile, address: &Spanned<Address>, problems: &mut Vec<Problem>) {
         let access = register.access.as_ref().map_or(Access::ReadWrite, |access| access.value);
         let bits = if register.form.is_pair() { u16::MAX } else { register.form.bits() };
-        let place = Place { owner: address.location.key.clone(), access, bits };
+        let place = Occupied { owner: address.location.key.clone(), access, bits };
         let words = if register.form.is_pair() { 2 } else { 1 };
         for word in address.value.onwards().take(words) {
             let places = self.addresses.entry(word).or_default();

@@ -3,7 +3,7 @@
 use super::SimDrive;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Basis, FullScale, Part, Register, Whole, WordOrder};
+use crate::profile::model::{Addend, Basis, FullScale, Register, Whole, WordOrder};
 
 /// Millionths in a unit of measure.
 const MICRO: i128 = 1_000_000;
@@ -120,7 +120,7 @@ impl SimDrive {
 }
 
 /// The size of one step of a part, in millionths.
-fn size(part: &Part) -> i128 {
+fn size(part: &Addend) -> i128 {
     (MICRO * i128::from(part.per) / i128::from(part.scale.max(1))).max(1)
 }
 

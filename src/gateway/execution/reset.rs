@@ -1,12 +1,12 @@
 //! A reset in execution: a word that is written and then cleared by a stop, with a rest between them on some models.
 
-use super::{List, Next, Repeats, STOPS_MAX, Stage, writes_of};
+use super::{Execution, Next, Repeats, STOPS_MAX, Stage, writes_of};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::drive::steps::{Step, StepPart, Write};
 use std::time::Duration;
 
-impl List {
-    /// How long the drive will ignore requests although the list is cut: its reset was sent, and the rest that follows
+impl Execution {
+    /// How long the drive will ignore requests although the execution is cut: its reset was sent, and the rest that follows
     /// has not begun. `is_on_the_wire`: the current step was sent.
     #[must_use]
     pub fn rest_to_come(&self, is_on_the_wire: bool) -> Option<Duration> {

@@ -1,6 +1,6 @@
 //! Read-back of a command: each condition of its steps is read until it is met, or until its time is over.
 
-use super::{List, Next, Stage, writes_of};
+use super::{Execution, Next, Stage, writes_of};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::Condition;
@@ -11,7 +11,7 @@ pub(super) const READS_MAX: u8 = 3;
 /// Time between two reads of a condition that is not met yet.
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-impl List {
+impl Execution {
     /// Checks `words` against the condition `shown` of the step at `index`, and against the following ones in the same
     /// register.
     pub(super) fn shown(&mut self, index: usize, shown: usize, words: &[u16], now: MonoTime) -> Next {

@@ -17,7 +17,7 @@ use crate::wire::pdu::{Reply, Request};
 use read_back::READS_MAX;
 use std::time::Duration;
 
-/// How long after its deadline a list that has begun may continue: as long as a Modbus TCP client waits for its answer.
+/// How long after its deadline an execution that has begun may continue: as long as a Modbus TCP client waits for its answer.
 /// A station that must not be asked can delay it for longer, and an order must not be executed minutes later.
 const HELD_UP_MAX: Duration = Duration::from_secs(5);
 /// Maximum number of attempts for the stop that ends a reset. Every other write is sent once.
@@ -25,7 +25,7 @@ const STOPS_MAX: u8 = 4;
 
 /// One approved command and its progress.
 #[derive(Debug)]
-pub struct List {
+pub struct Execution {
     approved: Approved,
     waiter: Waiter,
     stage: Stage,
@@ -67,14 +67,14 @@ enum Repeats {
 /// The result of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// The list continues, possibly with an interim report.
+    /// The execution continues, possibly with an interim report.
     Goes(Option<Report>),
-    /// The list is over.
+    /// The execution is over.
     Ends(Report),
 }
 
-impl List {
-    /// Creates a list for an approved command that has not begun.
+impl Execution {
+    /// Creates an execution for an approved command that has not begun.
     #[must_use]
     pub const fn new(approved: Approved, waiter: Waiter) -> Self {
         Self {
@@ -161,7 +161,7 @@ impl List {
         }
     }
 
-    /// Starts a rest or pause that ends at `until`; then the list continues.
+    /// Starts a rest or pause that ends at `until`; then the execution continues.
     pub fn rest(&mut self, until: MonoTime) -> Next {
         let Stage::Step(index) = self.stage else { return Next::Goes(None) };
         self.ready_at = until;
@@ -173,7 +173,7 @@ impl List {
         self.go_on_from(index, until)
     }
 
-    /// Whether the next request may be sent: reads after a write always may, and so may the end of a reset. A list that
+    /// Whether the next request may be sent: reads after a write always may, and so may the end of a reset. An execution that
     /// has begun and was delayed for too long starts nothing more.
     ///
     /// # Errors

@@ -1,13 +1,13 @@
 //! A command that waits for the drive between two writes: a register is read until it shows what the next write needs.
 
 use super::read_back::LOOK_EVERY;
-use super::{List, Next, Stage};
+use super::{Execution, Next, Stage};
 use crate::domain::command::{Outcome, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{Await, Step, StepPart};
 use std::time::Duration;
 
-impl List {
+impl Execution {
     /// The drive shows `word` at `now`, and the step at `index` waits for it. A drive that does not show in time what it
     /// must is sent nothing more.
     pub(super) fn awaited(&mut self, index: usize, word: Option<u16>, now: MonoTime) -> Next {

@@ -22,7 +22,7 @@ pub enum Form {
 
 /// A key that was asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Asked {
+pub struct KeyUse {
     /// The table that it belongs to, as a path without indices; empty for the file itself.
     pub table: String,
     /// Its name.
@@ -36,11 +36,11 @@ pub struct Asked {
 }
 
 thread_local! {
-    static NOTED: RefCell<Vec<Asked>> = const { RefCell::new(Vec::new()) };
+    static NOTED: RefCell<Vec<KeyUse>> = const { RefCell::new(Vec::new()) };
 }
 
 /// The keys that readers of this thread ask for while `read` runs.
-pub fn noted(read: impl FnOnce()) -> Vec<Asked> {
+pub fn noted(read: impl FnOnce()) -> Vec<KeyUse> {
     NOTED.take();
     read();
     NOTED.take()
@@ -49,5 +49,5 @@ pub fn noted(read: impl FnOnce()) -> Vec<Asked> {
 pub(super) fn note(table: &str, key: &'static str, form: Form, is_required: bool, right: &str) {
     let table = table.split('[').map(|part| part.split_once(']').map_or(part, |(_, rest)| rest)).collect();
     let right = right.to_owned();
-    NOTED.with_borrow_mut(|noted| noted.push(Asked { table, key, form, is_required, right }));
+    NOTED.with_borrow_mut(|noted| noted.push(KeyUse { table, key, form, is_required, right }));
 }
