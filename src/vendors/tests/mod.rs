@@ -152,7 +152,7 @@ fn run_state_and_trips_are_in_the_fast_class_of_every_model() {
         let output = model.register_for(Role::OutputFrequency);
         assert!(output.is_none_or(|it| class(it) == Some(PollClass::Fast)), "{}", model.id);
         for flag in [Flag::Running, Flag::Stopping, Flag::Reverse, Flag::Tripped] {
-            let register = model.status_flag(flag).map(|flag| model.register_at(flag.address).unwrap());
+            let register = model.status_flag(flag).map(|flag| model.readable_at(flag.address).unwrap());
             assert!(register.is_none_or(|it| class(it) == Some(PollClass::Fast)), "{} {flag:?}", model.id);
         }
         let Some(trip) = model.trip_register() else { continue };
@@ -224,8 +224,8 @@ fn no_jog_is_ever_a_command() {
         let Some(run) = &model.run else { continue };
         let RunForm::Bits { bits, .. } = &run.form else { continue };
         let dangerous = bits.iter().filter(|bit| {
-            use crate::profile::model::BitMeaning::{Jog, Other, Trip};
-            matches!(bit.meaning, Jog | Other | Trip)
+            use crate::profile::model::BitMeaning::{Jog, Trip};
+            matches!(bit.meaning, Jog | Trip)
         });
         let mask = dangerous.fold(0_u16, |mask, bit| mask | 1 << bit.bit.value);
         for (word, _) in run_words(&model).into_iter().flatten() {
