@@ -273,7 +273,7 @@ impl Model {
     /// trip count.
     #[must_use]
     pub fn trip_register(&self) -> Option<&Register> {
-        let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.register_at(flag.address));
+        let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.readable_at(flag.address));
         let code = || self.register_for(Role::TripCode).or_else(|| self.register_for(Role::TripBits));
         flagged.or_else(code).or_else(|| self.register_for(Role::TripCount))
     }
