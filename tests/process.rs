@@ -19,6 +19,7 @@
 //! | `on_port` | `read`, `write` and `watch` without a gateway, behind the same guard |
 //! | `parameters` | `params`: what a drive holds goes to a file, is compared, and comes back at standstill |
 //! | `enabling` | `verify` and `enable` look at a drive and set what it needs before it obeys |
+//! | `qualifying` | `qualify` leads a person through what a model leaves unproven, and no motor runs on behind it |
 //! | `capturing` | what goes over a line is seen by whoever watches, and tshark decodes what is captured |
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
@@ -216,6 +217,8 @@ mod outsiders;
 mod parameters;
 #[path = "process/plant.rs"]
 mod plant;
+#[path = "process/qualifying.rs"]
+mod qualifying;
 #[path = "process/raw.rs"]
 mod raw;
 #[path = "process/rig.rs"]

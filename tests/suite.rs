@@ -131,6 +131,8 @@ mod starts;
 mod stop_all;
 #[path = "scenarios/stop_wins.rs"]
 mod stop_wins;
+#[path = "scenarios/trials.rs"]
+mod trials;
 #[path = "scenarios/trips.rs"]
 mod trips;
 #[path = "scenarios/unproven.rs"]

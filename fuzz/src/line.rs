@@ -231,6 +231,7 @@ impl Watch {
             start_before: self.now + Duration::from_secs(1),
             issued: (who & 64 != 0).then_some(self.now),
             epoch: (who & 128 != 0).then_some(u64::from(who % 8)),
+            trial: None,
         }));
     }
 

@@ -2,8 +2,10 @@
 
 use super::Failure;
 use super::own_models::{ModelDirs, OwnModels};
+use crate::config::qualified::Qualified;
 use crate::config::{self, Config};
 use crate::daemon::host::user_files;
+use crate::daemon::qualified_file;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
@@ -124,7 +126,9 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
     let of_this = |problems| Findings { path: path.to_owned(), text: text.clone(), problems };
     let (catalog, mut found) = match join(built_in.clone(), &own) {
         Ok(catalog) if problems.is_empty() => {
-            let loaded = config::load(&text, &catalog).map_err(|problems| vec![of_this(problems)]);
+            let site = tried_at_site(&text);
+            let site = site.as_ref().map_err(String::as_str);
+            let loaded = config::load_at_site(&text, &catalog, site).map_err(|problems| vec![of_this(problems)]);
             return Ok((loaded, text));
         }
         Ok(catalog) => (catalog, Vec::new()),
@@ -134,6 +138,11 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
     problems.sort_by_key(|problem| problem.span.start);
     found.extend((!problems.is_empty()).then(|| of_this(problems)));
     Ok((Err(found), text))
+}
+
+/// What was tried at the drives of the configuration in `text`: nothing without a data directory or a file in it.
+fn tried_at_site(text: &str) -> Result<Qualified, String> {
+    config::data_dir(text).map_or_else(|| Ok(Qualified::default()), |dir| qualified_file::read(&dir))
 }
 
 /// The model files in `dirs`, each once, and what cannot be read, at the place where the directory is named.

@@ -26,6 +26,7 @@ pub mod own_models;
 mod params;
 mod password;
 pub mod progress;
+mod qualify;
 mod read;
 mod reload;
 mod run;
@@ -95,6 +96,11 @@ enum Command {
     Verify(verify::Args),
     /// Change the settings of a drive so that it obeys the bus. At standstill only; shows old and new values first
     Enable(enable::Args),
+    /// Try what the model leaves unproven, in front of the drive, one order at a time. Moves the motor
+    ///
+    /// Says what will be sent and what should be seen, asks, sends it through the guard, compares, and stops. Needs
+    /// `qualify = true` in the drive's control section.
+    Qualify(qualify::Args),
     /// Show or set the communication watchdog of a drive. Sets it at standstill only; shows old and new values first
     Watchdog(watchdog::Args),
     /// Read registers or named values of a drive, through a running gateway or directly on a port
@@ -167,6 +173,7 @@ pub fn main() -> ExitCode {
         Command::Password(args) => password::password(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
+        Command::Qualify(args) => qualify::qualify(&args),
         Command::Watchdog(args) => watchdog::watchdog(&args),
         Command::Read(args) => read::read(&args),
         Command::Write(args) => write::write(&args),

@@ -118,7 +118,7 @@ async fn carry_out(
 }
 
 /// Also when the terminal is closed: Ctrl-C could no longer be pressed.
-fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
+pub fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
     let told = told_to_end()?;
     let mut hangup = signal(SignalKind::hangup())?;
     Ok(async move {

@@ -1,9 +1,11 @@
 //! Checks a drive's control section against the abilities of its model and their confidence.
 
+use super::acceptance::Acceptance;
 use super::file::{ControlFile, DriveFile, LimitsFile};
 use super::lists;
 use super::mqtt::Defaults;
 use super::native;
+use super::qualified::Standing;
 use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
@@ -23,11 +25,12 @@ const SLOWEST_POLL: Duration = Duration::from_secs(5);
 
 /// The ready control section of `drive`: `Some(None)` without one; `None` if it is invalid, see `problems`.
 /// `defaults` fill in missing keys. Without a `model`, which is then reported as unknown, only checks that do not
-/// depend on it are made.
+/// depend on it are made. `standing`: what was tried at the drive.
 pub(super) fn settle(
     drive: &DriveFile,
     model: Option<&Model>,
     defaults: Defaults,
+    standing: &Standing,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
     let native_write = native::settle(drive, model, problems);
@@ -41,14 +44,17 @@ pub(super) fn settle(
     let directions = directions(file, problems);
     // A model that cannot be commanded at all is reported once, not for each key.
     let able = model.filter(|model| can_be_controlled(model, location, problems));
+    let accepted = Acceptance::new(file, standing);
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
         wired(file, problems);
-        basics(file, location, model, problems);
-        actions(file, directions.as_deref(), model, problems);
+        basics(accepted, file, location, model, problems);
+        actions(accepted, file, directions.as_deref(), model, problems);
+        accepted.check(location, model, problems);
         watchdog::check(file, model, problems);
     }
     let (least, most) = limits?;
+    let (accept_unverified, site) = accepted.settled(model);
     Some(Some(Arc::new(ControlSettings {
         from_mqtt: file.names(Way::Mqtt).is_some(),
         from_modbus_tcp: file.names(Way::ModbusTcp).is_some(),
@@ -62,7 +68,9 @@ pub(super) fn settle(
         on_commander_lost: file.on_commander_lost.as_ref()?.value,
         lost_after: file.lost_after.as_ref()?.value,
         on_shutdown: file.on_shutdown.as_ref()?.value,
-        accept_unverified: lists::values(&file.accept_unverified).unwrap_or_default(),
+        accept_unverified,
+        site,
+        qualify: file.qualify.or(false)?,
         allow_release: file.allow_release.or(false)?,
         strict: file.strict.or(false)?,
         restart_delay: file.restart_delay.or(defaults.restart_delay)?,
@@ -192,14 +200,20 @@ pub fn why_not(model: &Model) -> Option<String> {
 }
 
 /// Stop, forward and the setpoint are proven, or accepted together: no drive may be startable but not stoppable.
-fn basics(file: &ControlFile, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
+fn basics(
+    accepted: Acceptance<'_>,
+    file: &ControlFile,
+    location: &Location,
+    model: &Model,
+    problems: &mut Vec<Problem>,
+) {
     let unproven = model.unproven_basics();
     let (location, others) = match &file.accept_unverified {
         OptionalKey::Invalid => return,
         OptionalKey::Absent => (location.missing("accept_unverified"), Vec::new()),
         OptionalKey::Valid(list) => (list.location.clone(), list.value.iter().map(|accepted| accepted.value).collect()),
     };
-    if unproven.is_empty() || others.contains(&ControlAction::Basic) {
+    if unproven.is_empty() || accepted.accepts(ControlAction::Basic) {
         return;
     }
     let what: Vec<_> = unproven.iter().map(Basic::described).collect();
@@ -208,7 +222,7 @@ fn basics(file: &ControlFile, location: &Location, model: &Model, problems: &mut
     let words: Vec<_> = words.map(|action| format!("\"{}\"", action.word())).collect();
     let line = format!("accept_unverified = [{}]", words.join(", "));
     let right = format!("{line} once you have seen a stop work, or no control section; the drive is then read-only");
-    problems.push(location.problem(what).right(right));
+    problems.push(accepted.judged(location.problem(what).right(right)));
 }
 
 /// Lowest and highest setpoint; `None` if it is invalid, see `problems`.
@@ -273,25 +287,31 @@ fn has(model: &Model, action: ControlAction) -> Has {
 
 /// Each action that the section relies on is supported, and proven or accepted. An acceptance without effect is a
 /// warning: the model may have proven the action since, and removing it changes nothing.
-fn actions(file: &ControlFile, directions: Option<&[Direction]>, model: &Model, problems: &mut Vec<Problem>) {
+fn actions(
+    accepted: Acceptance<'_>,
+    file: &ControlFile,
+    directions: Option<&[Direction]>,
+    model: &Model,
+    problems: &mut Vec<Problem>,
+) {
     let reverse = file.directions.valid().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
     if let Some(Spanned { location, .. }) = reverse {
-        can_do(file, ControlAction::Reverse, model, location, "leave it out", problems);
+        can_do(accepted, ControlAction::Reverse, model, location, "leave it out", problems);
     }
     for fail_safe in [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten() {
         if fail_safe.value == FailSafe::Coast {
-            can_do(file, ControlAction::Coast, model, &fail_safe.location, "\"stop\" or \"hold\"", problems);
+            can_do(accepted, ControlAction::Coast, model, &fail_safe.location, "\"stop\" or \"hold\"", problems);
         }
     }
     if let Some(Spanned { value: true, location }) = file.allow_release.valid() {
         match has(model, ControlAction::Release) {
             Has::No => problems.push(none_of(model, ControlAction::Release, location).right("leave it out").warning()),
-            _ => can_do(file, ControlAction::Release, model, location, "leave it out", problems),
+            _ => can_do(accepted, ControlAction::Release, model, location, "leave it out", problems),
         }
     }
-    let OptionalKey::Valid(accepted) = &file.accept_unverified else { return };
-    lists::once(&accepted.value, problems);
-    for Spanned { value: action, location } in &accepted.value {
+    let OptionalKey::Valid(listed) = &file.accept_unverified else { return };
+    lists::once(&listed.value, problems);
+    for Spanned { value: action, location } in &listed.value {
         let word = action.word();
         let what = match has(model, *action) {
             Has::No => format!("{} has no {word}, so there is nothing to accept", model.id),
@@ -322,9 +342,10 @@ fn may_release(file: &ControlFile) -> bool {
     file.allow_release.or(false).unwrap_or(true)
 }
 
-/// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` does not need the action.
+/// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` does not need the action. A
+/// fail-safe action rests on what the section lists alone: it must not change its meaning when the drive does.
 fn can_do(
-    file: &ControlFile,
+    accepted: Acceptance<'_>,
     action: ControlAction,
     model: &Model,
     location: &Location,
@@ -332,17 +353,15 @@ fn can_do(
     problems: &mut Vec<Problem>,
 ) {
     let word = action.word();
-    let is_accepted = match &file.accept_unverified {
-        OptionalKey::Absent => false,
-        OptionalKey::Invalid => true,
-        OptionalKey::Valid(list) => list.value.iter().any(|accepted| accepted.value == action),
-    };
+    let is_fail_safe = action == ControlAction::Coast;
+    let is_accepted = if is_fail_safe { accepted.lists(action) } else { accepted.accepts(action) };
     match has(model, action) {
         Has::No => problems.push(none_of(model, action, location).right(instead)),
         Has::Unproven(confidence) if !is_accepted => {
             let what = format!("{word} is unproven for {} ({})", model.id, confidence.word());
             let right = format!("{instead}, or accept_unverified = [\"{word}\"] once you have seen it work");
-            problems.push(location.problem(what).right(right));
+            let problem = location.problem(what).right(right);
+            problems.push(if is_fail_safe { problem } else { accepted.judged(problem) });
         }
         Has::Unproven(_) | Has::Proven(_) => {}
     }

@@ -135,6 +135,7 @@ pub(super) struct ControlFile {
     pub lost_after: RequiredKey<Duration>,
     pub on_shutdown: RequiredKey<FailSafe>,
     pub accept_unverified: OptionalKey<Vec<Spanned<ControlAction>>>,
+    pub qualify: OptionalKey<bool>,
     pub allow_release: OptionalKey<bool>,
     pub strict: OptionalKey<bool>,
     pub restart_delay: OptionalKey<Duration>,

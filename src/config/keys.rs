@@ -215,6 +215,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "lost_after", "\"1s\" to \"1h\", more than \"1s\"", None, "How long the commander may be silent before the fail-safe action. It must exceed the time a command may wait and, with a session lease, three probes."),
     key(Section::Control, "on_shutdown", "\"stop\", \"coast\" or \"hold\"", None, "The action when the gateway shuts down on request."),
     key(Section::Control, "accept_unverified", "list of \"basic\", \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven but that you accept. \"basic\" is stop, forward and the setpoint together."),
+    key(Section::Control, "qualify", "true or false", Some("false"), "Whether `vfd-gateway qualify` may try what the model leaves unproven, one command at a time. For the day of the trials only."),
     key(Section::Control, "allow_release", "true or false", Some("false"), "Whether control may be returned to panel and terminals. A closed terminal may then start the motor."),
     key(Section::Control, "commands", "\"plain\" or \"strict\"", Some("\"plain\""), "Strict: RUN over MQTT only with `epoch` or `issued_at`."),
     key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"3s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop, a trip, a lost lease or an outage; over MQTT at least 1.75 s more than `probe_interval`, from the page at least 2.5 s."),

@@ -8,6 +8,7 @@
 //! this model, or beside the other keys) is a warning; a key that affects what may move a motor is an error. Properties
 //! that only show when a port is opened (a pseudo-terminal, a driver that can switch the direction) are left to the daemon.
 
+mod acceptance;
 mod broker;
 pub mod change;
 mod commanders;
@@ -26,6 +27,7 @@ mod mqtt;
 mod native;
 mod points;
 mod port;
+pub mod qualified;
 mod ratings;
 mod read;
 pub mod ready;
@@ -38,6 +40,7 @@ mod units;
 mod watchdog;
 pub mod words;
 
+pub use acceptance::is_unproven;
 pub use control::why_not as why_not_controlled;
 pub use http::{HashSource, HttpSettings, HttpTls, UserSettings};
 pub use native::{Listed, listed};
@@ -51,6 +54,7 @@ pub use ready::{
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;
 use crate::toml_file::Spanned;
+use qualified::Qualified;
 use resolve::Models;
 use std::path::PathBuf;
 
@@ -69,20 +73,35 @@ pub fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
     read::model_dirs(text)
 }
 
-/// Loads the configuration in `text`, with the models of `catalog`.
+/// The data directory of `text`; `None` if it names none, or no usable one, which loading reports.
+#[must_use]
+pub fn data_dir(text: &str) -> Option<PathBuf> {
+    read::data_dir(text)
+}
+
+/// Loads the configuration in `text`, with the models of `catalog`, where nothing was tried at any drive.
 ///
 /// # Errors
 /// Every problem of the text, by position, at least one of them more than a warning. Invalid TOML is reported as such,
 /// and its keys are not checked. If there are only warnings, they are in the configuration.
 pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
-    with_models(text, Models { catalog, are_all: true })
+    load_at_site(text, catalog, Ok(&Qualified::default()))
+}
+
+/// Loads the configuration as [`load`] does, with what was tried at its drives; or why nobody knows, which is reported.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_at_site(text: &str, catalog: &Catalog, site: Result<&Qualified, &str>) -> Result<Config, Vec<Problem>> {
+    with_models(text, Models { catalog, are_all: true, site })
 }
 
 /// The problems of `text` with an incomplete `catalog`, some of whose model files have problems of their own: a
 /// missing model may be one of those.
 #[must_use]
 pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
-    with_models(text, Models { catalog, are_all: false }).err().unwrap_or_default()
+    let site = Ok(&Qualified::default());
+    with_models(text, Models { catalog, are_all: false, site }).err().unwrap_or_default()
 }
 
 fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {

@@ -4,6 +4,7 @@ use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
 use super::full_scale;
 use super::link::{self, OnLine, Settled};
 use super::mqtt::Defaults;
+use super::qualified::{FILE_NAME, Qualified, Standing};
 use super::ready::{
     Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, Removal, Silence,
 };
@@ -32,11 +33,15 @@ pub(super) struct Models<'a> {
     pub catalog: &'a Catalog,
     /// Whether the catalog is complete. Only then can an unknown name be reported as a typing error.
     pub are_all: bool,
+    /// What was tried at the drives, or why nobody knows.
+    pub site: Result<&'a Qualified, &'a str>,
 }
 
 /// The ready configuration; `None` if any part of `file` is unusable, see `problems`.
 pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Config> {
     unique(file, problems);
+    site_is_known(file, models, problems);
+    trials_are_kept(file, problems);
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
     let models = Models { are_all, ..models };
     let is_published = !matches!(file.mqtt, OptionalKey::Absent);
@@ -80,6 +85,26 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         digest: 0,
         warnings: Vec::new(),
     })
+}
+
+/// Without the file nothing that was tried at a drive counts, which is no reason not to serve the others.
+fn site_is_known(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) {
+    if let (Err(why), OptionalKey::Valid(dir)) = (models.site, &file.gateway.data_dir) {
+        let what = format!("{FILE_NAME} there cannot be used, so nothing that was qualified counts: {why}");
+        problems.push(dir.location.problem(what).right("the file as it was, or none and new trials").warning());
+    }
+}
+
+/// Without a data directory there is no socket for the command, and no place for the results.
+fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
+    if !matches!(file.gateway.data_dir, OptionalKey::Absent) {
+        return;
+    }
+    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
+    for qualify in controls.filter_map(|control| control.value.qualify.valid()).filter(|qualify| qualify.value) {
+        let problem = qualify.location.problem("has no effect: without a data directory no result can be kept");
+        problems.push(problem.right("`data_dir` in `[gateway]`").warning());
+    }
 }
 
 /// A journal requires a data directory.
@@ -152,7 +177,7 @@ fn once<'a, T: Ord + 'a>(
 /// Looks up the models of a line and checks the rules within that line.
 /// `of_mqtt` holds the drives' defaults from `[mqtt]`, if there is one.
 fn parts_of(line: &LineFile, models: Models<'_>, of_mqtt: Option<Defaults>, problems: &mut Vec<Problem>) -> LineParts {
-    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(drive, models, of_mqtt, problems)).collect();
+    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(line, drive, models, of_mqtt, problems)).collect();
     stations(line, &drives, problems);
     alone_on_rs232(line, problems);
     port::check(line, problems);
@@ -168,6 +193,7 @@ fn parts_of(line: &LineFile, models: Models<'_>, of_mqtt: Option<Defaults>, prob
 }
 
 fn drive_parts(
+    line: &LineFile,
     drive: &DriveFile,
     models: Models<'_>,
     of_mqtt: Option<Defaults>,
@@ -175,10 +201,18 @@ fn drive_parts(
 ) -> DriveParts {
     let model = model_of(drive, models, problems);
     let model = full_scale::settle(drive, model, problems);
-    let control = control::settle(drive, model.as_deref(), of_mqtt.unwrap_or_default(), problems);
+    let standing = standing(line, drive, model.as_deref(), models);
+    let control = control::settle(drive, model.as_deref(), of_mqtt.unwrap_or_default(), &standing, problems);
     let ratings = ratings::settle(drive, model.as_deref(), problems);
     let points = points::settle(drive, model.as_deref(), of_mqtt.is_some(), problems);
     DriveParts { model, control, ratings, points }
+}
+
+/// What was tried at `drive`.
+fn standing(line: &LineFile, drive: &DriveFile, model: Option<&Model>, models: Models<'_>) -> Standing {
+    let Ok(site) = models.site else { return Standing::Unreadable };
+    let (Some(line), Some(station), Some(model)) = (&line.name, &drive.station, model) else { return Standing::Never };
+    site.standing(line.value.as_str(), station.value, model)
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {

@@ -10,6 +10,7 @@ use crate::daemon::service::reload_request::{Reloaded, Reloads};
 use crate::daemon::service::stall::Stalls;
 use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
+use crate::domain::control::ControlAction;
 use crate::domain::ids::{AskerId, CommanderName, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
 use crate::domain::time::MonoTime;
@@ -44,6 +45,12 @@ impl Who {
         origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: false }, manner: Manner::Once },
     };
 
+    /// A person who qualifies a drive by a tool: the same, but a motor that runs in a trial is leased and stopped.
+    pub const TRIAL: Self = Self {
+        asker: AskerId::LOCAL,
+        origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: true }, manner: Manner::Once },
+    };
+
     /// The user who is signed in as `user` on the page.
     #[must_use]
     pub const fn signed_in(user: CommanderName) -> Self {
@@ -56,6 +63,15 @@ impl Who {
     pub const fn owner(&self) -> Owner {
         self.origin.owner
     }
+}
+
+/// What a command carries besides its order.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Marks {
+    /// The drive's epoch as the sender last saw it.
+    pub epoch: Option<u64>,
+    /// The unproven action that it tries.
+    pub trial: Option<ControlAction>,
 }
 
 /// The path of the tools and the page to all lines.
@@ -186,6 +202,11 @@ impl LocalSide {
 
     /// Sends an order to the drive at `place` at once. Dropping the result does not cancel the order.
     pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
+        self.order_marked(who, place, order, Marks::default())
+    }
+
+    /// The same for an order with `marks`.
+    pub fn order_marked(&self, who: Who, place: DriveRef, order: Order, marks: Marks) -> Ordered<'_> {
         let now = clock::now();
         let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
         let refused = |reason| {
@@ -204,8 +225,8 @@ impl LocalSide {
             let Who { asker, origin } = who;
             let drive = place.drive;
             let issued = None;
-            let epoch = None;
-            Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch })
+            let Marks { epoch, trial } = marks;
+            Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial })
         };
         match self.put(place, COMMAND_WITHIN, request) {
             Ok(asked) => Ordered(Ok(asked)),
@@ -226,8 +247,9 @@ impl LocalSide {
                 let drive = place.drive;
                 let order = order.clone();
                 let issued = None;
-                let epoch = None;
-                let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch };
+                let (epoch, trial) = (None, None);
+                let command =
+                    CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial };
                 ((*place, command), asked)
             })
             .unzip();

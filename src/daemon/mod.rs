@@ -16,6 +16,7 @@ pub mod local;
 pub mod modbus_server;
 pub mod mqtt;
 pub mod port;
+pub mod qualified_file;
 pub mod service;
 pub mod sparkplug;
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Commands: who orders what of a drive, until when, and the outcome. One vocabulary for all interfaces.
 
 use super::address::Address;
+use super::control::ControlAction;
 use super::frequency::Hertz;
 use super::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use super::native::FRAMES_MAX;
@@ -215,6 +216,9 @@ pub struct CommandRequest {
     pub issued: Option<MonoTime>,
     /// The drive's epoch as the client last saw it, if stated.
     pub epoch: Option<u64>,
+    /// An unproven action that this one command may use, if it comes from the local socket and the drive is being
+    /// qualified.
+    pub trial: Option<ControlAction>,
 }
 
 /// The outcome of a command, provisional or final.

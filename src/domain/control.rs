@@ -1,5 +1,6 @@
 //! What a drive's control section allows: final values, checked against the model when the configuration is read.
 
+use super::address::Address;
 use super::command::Direction;
 use super::frequency::Hertz;
 use std::time::Duration;
@@ -95,6 +96,15 @@ impl ControlAction {
     }
 }
 
+/// What was seen to work at one drive, by a person in front of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SiteEvidence {
+    /// The unproven actions that were confirmed there and that the control section does not list.
+    pub actions: Vec<ControlAction>,
+    /// The identity register of that drive and its word at that time, if its model has one.
+    pub identity: Option<(Address, u16)>,
+}
+
 /// Who may command while a client holds control.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Ownership {
@@ -143,8 +153,12 @@ pub struct ControlSettings {
     pub lost_after: Duration,
     /// What is done when the gateway is stopped on purpose.
     pub on_shutdown: FailSafe,
-    /// Unproven actions that are accepted.
+    /// Unproven actions that are accepted: those that the section lists, and those of `site`.
     pub accept_unverified: Vec<ControlAction>,
+    /// Which of them rest on what was seen at this very drive.
+    pub site: SiteEvidence,
+    /// A command from the local socket may try one unproven action.
+    pub qualify: bool,
     /// Control may be handed back to panel and terminals.
     pub allow_release: bool,
     /// RUN over MQTT requires an epoch or a time of issue.
@@ -209,6 +223,8 @@ impl ControlSettings {
             lost_after,
             on_shutdown,
             accept_unverified: Vec::new(),
+            site: SiteEvidence::default(),
+            qualify: false,
             allow_release: false,
             strict: false,
             restart_delay: Self::RESTART_DELAY,
@@ -224,6 +240,13 @@ impl ControlSettings {
             watchdog: None,
             failsafe_confirm_timeout: Self::FAILSAFE_CONFIRM_TIMEOUT,
         }
+    }
+
+    /// The drive that the unproven actions were seen at, if any rest on that: the register that tells it apart, and its
+    /// word.
+    #[must_use]
+    pub fn qualified_drive(&self) -> Option<(Address, u16)> {
+        self.site.identity.filter(|_| !self.site.actions.is_empty())
     }
 
     /// The longest time to which the drive's own watchdog may be set: the declared time, or else `lost_after`.

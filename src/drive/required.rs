@@ -2,17 +2,22 @@
 //! names, and that its settings are those on which the model's commands and scales rest. A stop waits for none of this.
 
 use super::steps::Step;
+use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Reason};
 use crate::profile::model::{Model, NeededFor};
 
 /// The reads that come before the steps of `order`. `is_identified`: the drive's identity was read since it came into
-/// sight.
+/// sight. `only`: the identity register and the word of the one drive that the configuration's acceptance is for, if it
+/// rests on what was seen there.
 #[must_use]
-pub fn before(model: &Model, order: &Order, is_identified: bool) -> Vec<Step> {
+pub fn before(model: &Model, order: &Order, is_identified: bool, only: Option<(Address, u16)>) -> Vec<Step> {
     let identity = model.identity.as_ref().filter(|_| !is_identified).map(|identity| Step::Require {
         address: identity.address,
         mask: identity.mask,
-        values: identity.values.value.clone(),
+        values: match only.filter(|(address, _)| *address == identity.address) {
+            Some((_, word)) => vec![word & identity.mask],
+            None => identity.values.value.clone(),
+        },
         reason: Reason::OtherDrive,
     });
     let settings = model.setup.iter().filter(|item| item.needed_for.iter().any(|need| is_part(*need, order)));
@@ -53,7 +58,7 @@ mod tests {
     }
 
     fn read(order: &Order, is_identified: bool) -> Vec<(u16, u16)> {
-        let reads = before(&guarded(), order, is_identified).into_iter().map(|step| match step {
+        let reads = before(&guarded(), order, is_identified, None).into_iter().map(|step| match step {
             Step::Require { address, mask, .. } => (address.number(), mask),
             other => panic!("{other:?}"),
         });
@@ -70,5 +75,15 @@ mod tests {
         assert_eq!(read(&go(setpoint, None), false), [(0x0700, 0xFF00), (0x0212, 0x00FF)]);
         assert_eq!(read(&Order::Reset, true), []);
         assert_eq!(read(&Order::Reset, false), [(0x0700, 0xFF00)], "another drive is read-only");
+    }
+
+    #[test]
+    fn what_was_seen_at_one_drive_holds_for_that_one_alone() {
+        let values = |only| match &before(&guarded(), &Order::Reset, false, only)[..] {
+            [Step::Require { values, .. }] => values.clone(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(values(Some((0x0700_u16.into(), 0x2A07))), [0x2A00]);
+        assert_eq!(values(Some((0x0701_u16.into(), 0x2A07))), [7], "the word of another register says nothing");
     }
 }

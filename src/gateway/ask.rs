@@ -115,7 +115,8 @@ impl LineCore {
             refused(if reason == Reason::UnknownDrive { Refusal::NoSuchUnit } else { Refusal::Guard(reason) })
         })?;
         let start_before = deadline.min(now + COMMAND_DEADLINE);
-        let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued: None, epoch: None };
+        let (issued, epoch, trial) = (None, None, None);
+        let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial };
         self.command(now, &command, Waiter::of_write(asker, ticket, drive));
         Ok(())
     }

@@ -22,6 +22,9 @@ mod review;
 mod state;
 #[cfg(test)]
 mod tests;
+mod trial;
+#[cfg(test)]
+mod trial_tests;
 
 pub use approved::{Approved, StopOrder, Void};
 pub use review::{COMMAND_DEADLINE, Facts, Verdict};

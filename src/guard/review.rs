@@ -3,6 +3,8 @@
 use super::approved::{Approved, StopOrder};
 use super::registers::is_parameter;
 use super::state::DriveGuard;
+use super::trial;
+use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
@@ -68,6 +70,7 @@ impl DriveGuard {
     /// The reason for the refusal.
     pub fn review(&mut self, command: &CommandRequest, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        let control = trial::settings(command, control)?;
         let origin = command.origin;
         may_come_from(&control, origin.owner, &command.order)?;
         comes_over_the_bus(&control, &command.order)?;
@@ -166,10 +169,14 @@ impl DriveGuard {
         if may { Ok(()) } else { Err(refused(Reason::Unverified)) }
     }
 
+    fn qualified_drive(&self) -> Option<(Address, u16)> {
+        self.control.as_ref()?.qualified_drive()
+    }
+
     pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
         let owner = command.origin.owner;
         let start_before = command.start_before;
-        let mut all = required::before(&self.model, &order, self.is_identified);
+        let mut all = required::before(&self.model, &order, self.is_identified, self.qualified_drive());
         all.extend(steps);
         let steps = all;
         Approved {

@@ -52,6 +52,7 @@ pub(super) fn command(origin: Origin, order: Order) -> CommandRequest {
         start_before: NOW + Duration::from_secs(1),
         issued: None,
         epoch: None,
+        trial: None,
     }
 }
 

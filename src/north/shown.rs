@@ -112,6 +112,12 @@ pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
     words(&table)
 }
 
+/// The unproven actions that are accepted because they were confirmed at this very drive, as words.
+#[must_use]
+pub fn site(control: &ControlSettings) -> Vec<&'static str> {
+    control.site.actions.iter().map(|action| action.word()).collect()
+}
+
 /// The sources from which commands are accepted, as named in the configuration.
 #[must_use]
 pub fn sources(control: &ControlSettings) -> Vec<&'static str> {

@@ -55,6 +55,29 @@ fn built_in_id(file: &str) -> String {
     file.strip_suffix(".toml").unwrap_or(file).replace('/', "-")
 }
 
+/// Identifies the content of a sound model file: the CRC of its lines without comments and empty ones, and of those of the
+/// file from which it begins.
+fn digest(text: &str, files: &Files<'_>) -> u64 {
+    const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
+    let mut digest = CRC.digest();
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        digest.update(line.as_bytes());
+        digest.update(b"\n");
+    }
+    let may_begin_from_another = text.lines().any(|line| line.trim_start().starts_with("like"));
+    let whole = may_begin_from_another.then(|| Whole::read(text, files, &mut Vec::new())).flatten();
+    if let Some(base) = whole.as_ref().and_then(Whole::base) {
+        digest.update(&self::digest(base.text, files).to_le_bytes());
+    }
+    digest.finalize()
+}
+
+/// The model in `text` with its digest, and where its identifier is.
+fn read(text: &str, files: &Files<'_>) -> Result<(Model, Location), Vec<Problem>> {
+    let (model, id) = check::model_and_id(text, files)?;
+    Ok((Model { digest: digest(text, files), ..model }, id))
+}
+
 impl Catalog {
     /// The models of `texts`, pairs of file name and content, which are known to be sound. Each is read when it is first
     /// asked for, so that many models cost a start nothing. They are named after their files.
@@ -85,7 +108,7 @@ impl Catalog {
     ) -> Result<Self, Vec<(String, Problem)>> {
         let new: Vec<_> = texts.into_iter().map(|(file, text)| (file.into(), text.as_ref().to_owned())).collect();
         let files = Files { catalog: &self, new: &new };
-        let read: Vec<_> = new.iter().map(|(_, text)| check::model_and_id(text, &files)).collect();
+        let read: Vec<_> = new.iter().map(|(_, text)| read(text, &files)).collect();
         let mut all = Vec::new();
         for ((file, text), read) in new.into_iter().zip(read) {
             let added = read.and_then(|(model, id)| self.add(model, file.clone(), text, &id));
@@ -107,7 +130,7 @@ impl Catalog {
     #[must_use]
     pub fn find(&self, id: &str) -> Option<&Arc<Model>> {
         let entry = self.models.get(id)?;
-        let read = || check::model_and_id(&entry.text, &Files { catalog: self, new: &[] }).ok();
+        let read = || read(&entry.text, &Files { catalog: self, new: &[] }).ok();
         entry.model.get_or_init(|| read().map(|(model, _)| Arc::new(model))).as_ref()
     }
 
@@ -169,6 +192,20 @@ mod tests {
 
         let problems = catalog.with_texts([("own.toml", MODEL)]).unwrap_err();
         assert_eq!(problems[0].1.what, "`acme-1` is already defined by acme/1.toml");
+    }
+
+    #[test]
+    fn the_digest_follows_the_content_and_what_is_taken_over() {
+        let built_in = |text: &str| Catalog::from_texts([("acme.toml", text)]).unwrap();
+        let digest = |text: &str| built_in(text).find("acme-1").unwrap().digest;
+        assert_eq!(digest(MODEL), digest(&format!("# a comment\n{MODEL}")));
+        let other = MODEL.replacen("Acme", "Acme Drives", 1);
+        assert_ne!(digest(MODEL), digest(&other));
+        let like = |text: &str| {
+            let own = [("own.toml", "like = \"acme-1\"\nid = \"acme-2\"\ntitle = \"Two\"\n")];
+            built_in(text).with_texts(own).map(|it| it.find("acme-2").unwrap().digest)
+        };
+        assert_ne!(like(MODEL).unwrap(), like(&other).unwrap(), "a change of the other file is one of this model");
     }
 
     #[test]

@@ -116,6 +116,11 @@ impl Started {
         Self::with_input(command, Stdio::piped())
     }
 
+    /// Starts `command` with `terminal` as its stdin.
+    pub fn at_a_terminal(command: Command, terminal: std::fs::File) -> Self {
+        Self::with_input(command, terminal.into())
+    }
+
     fn with_input(mut command: Command, input: Stdio) -> Self {
         let name = command.get_program().to_string_lossy().into_owned();
         command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -197,6 +202,13 @@ impl Started {
     /// Everything that was printed so far.
     pub fn text(&self) -> String {
         self.output.so_far().lines.join("\n")
+    }
+
+    /// The same, with a last line that has no end yet.
+    pub fn text_so_far(&self) -> String {
+        let said = self.output.so_far();
+        let rests = said.ends.iter().map(|end| text(&end.rest)).filter(|rest| !rest.is_empty());
+        said.lines.iter().cloned().chain(rests).collect::<Vec<_>>().join("\n")
     }
 
     /// Whether the program has ended.

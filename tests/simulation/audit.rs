@@ -163,8 +163,8 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
     let origin = Origin { owner, rights, manner: Manner::Once };
     let start_before = world.now + Duration::from_millis(rng.u64(1..1_500));
     let issued = rng.bool().then_some(world.now);
-    let command =
-        CommandRequest { asker, ticket: Ticket(ticket), drive, origin, order, start_before, issued, epoch: None };
+    let (ticket, epoch, trial) = (Ticket(ticket), None, None);
+    let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial };
     world.core.handle(world.now, Input::Command(command));
     false
 }

@@ -79,6 +79,7 @@ impl Line {
             start_before: world.now + Duration::from_secs(1),
             issued: Some(world.now),
             epoch: None,
+            trial: None,
         };
         world.core.handle(world.now, Input::Command(command));
     }

@@ -146,6 +146,7 @@ impl World {
             start_before: self.now + COMMAND_DEADLINE,
             issued: None,
             epoch: None,
+            trial: None,
         };
         self.core.handle(self.now, Input::Command(command));
     }

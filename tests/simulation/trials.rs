@@ -158,6 +158,7 @@ fn stop_one(world: &mut World, trial: u64, drive: u16) {
         start_before: MonoTime::NEVER,
         issued: None,
         epoch: None,
+        trial: None,
     };
     world.core.handle(world.now, Input::Command(command));
     world.decide();

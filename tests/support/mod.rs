@@ -367,6 +367,7 @@ impl Rig {
             start_before: self.now + Duration::from_secs(1),
             issued: None,
             epoch: None,
+            trial: None,
         };
         change(&mut command);
         self.core.handle(self.now, Input::Command(command));

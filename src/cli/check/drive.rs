@@ -177,9 +177,18 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
         wanted.partition(|(word, confidence)| confidence.is_proven() || is_accepted(word));
     let words: Vec<_> = open.iter().map(|(word, _)| *word).collect();
     writeln!(text, "    can be ordered: {}", list(&words))?;
-    let accepted: Vec<_> = control.accept_unverified.iter().map(|action| action.word()).collect();
+    let site = &control.site.actions;
+    let words = |is_site: bool| {
+        let those = control.accept_unverified.iter().filter(|action| site.contains(action) == is_site);
+        those.map(|action| action.word()).collect::<Vec<_>>()
+    };
+    let accepted = words(false);
     if !accepted.is_empty() {
         writeln!(text, "    unproven and accepted: {}", list(&accepted))?;
+    }
+    let qualified = words(true);
+    if !qualified.is_empty() {
+        writeln!(text, "    unproven, and qualified at this drive (site): {}", list(&qualified))?;
     }
     if !closed.is_empty() {
         let closed: Vec<_> = closed.iter().map(|(word, sure)| format!("{word} ({})", sure.word())).collect();

@@ -135,6 +135,17 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     )
     .exits("0 all settings are right now, 1 one is not, 2 wrong usage or configuration"),
     help(
+        "qualify",
+        "The motor is uncoupled or free to turn, and your hand at the hard-wired stop. What is confirmed is accepted for this \
+         drive alone, until its model file or its identity changes.",
+        &[
+            ("vfd-gateway qualify fan-1 -c vfd-gateway.toml --list", "show what is unproven and what was found"),
+            ("vfd-gateway qualify fan-1 -c vfd-gateway.toml", "make the trials; Ctrl-C stops the motor"),
+            ("vfd-gateway qualify fan-1 -c vfd-gateway.toml --report fan.json", "a file for the project, without names"),
+        ],
+    )
+    .exits("0 nothing was contradicted, 1 something was, or the trials ended early, 2 wrong usage or configuration"),
+    help(
         "watchdog",
         "The time without a request after which the drive itself acts. Can be set at standstill only.",
         &[

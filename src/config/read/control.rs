@@ -37,6 +37,7 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
         lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
         on_shutdown: reader.required("on_shutdown", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
         accept_unverified: reader.list("accept_unverified", &Kind::choice(&ACTIONS, words::of_action)),
+        qualify: reader.optional("qualify", &Kind::flag()),
         allow_release: reader.optional("allow_release", &Kind::flag()),
         strict: reader.optional("commands", &Kind::choice(&COMMANDS, words::of_commands)),
         restart_delay: reader.optional("restart_delay", &Kind::duration(RESTART_DELAY)),

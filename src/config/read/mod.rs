@@ -95,14 +95,25 @@ fn size_bytes(text: &str) -> Option<u64> {
 
 /// The directories of `text` that hold models; empty if it is not TOML, or if one of them is invalid.
 pub(super) fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
+    match gateway(text) {
+        Some(GatewayFile { model_dirs: OptionalKey::Valid(dirs), .. }) => dirs.value,
+        _ => Vec::new(),
+    }
+}
+
+/// The data directory of `text`; `None` if it is not TOML, or names none or an invalid one.
+pub(super) fn data_dir(text: &str) -> Option<PathBuf> {
+    gateway(text)?.data_dir.valid().map(|dir| dir.value.clone())
+}
+
+/// The section of `text` about the gateway itself.
+fn gateway(text: &str) -> Option<GatewayFile> {
     let mut problems = Vec::new();
-    let Some(document) = document(text, &mut problems) else { return Vec::new() };
+    let document = document(text, &mut problems)?;
     let mut reader = Reader::new(document.section(), &mut problems);
     match inner(&mut reader, "gateway", read_gateway) {
-        OptionalKey::Valid(Spanned { value: GatewayFile { model_dirs: OptionalKey::Valid(dirs), .. }, .. }) => {
-            dirs.value
-        }
-        _ => Vec::new(),
+        OptionalKey::Valid(gateway) => Some(gateway.value),
+        _ => None,
     }
 }
 

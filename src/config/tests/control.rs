@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::domain::command::Direction;
-use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership};
+use crate::domain::control::{
+    BusFunctions, ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership, SiteEvidence,
+};
 use crate::domain::frequency::Hertz;
 use crate::guard::COMMAND_DEADLINE;
 
@@ -46,6 +48,8 @@ fn a_control_section_gets_its_defaults() {
             lost_after: seconds(30),
             on_shutdown: FailSafe::Hold,
             accept_unverified: Vec::new(),
+            site: SiteEvidence::default(),
+            qualify: false,
             allow_release: false,
             strict: false,
             restart_delay: seconds(3),

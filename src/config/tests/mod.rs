@@ -13,6 +13,7 @@ mod network;
 mod ownership;
 mod points;
 mod ports;
+mod qualified;
 mod units;
 mod upgrades;
 mod watchdog;
@@ -213,7 +214,15 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
         let key = line.trim_start().split(" = ").next().unwrap_or_default();
         let is_default = ["restart_delay", "stop_effect_timeout", "stop_pending_for", "commands", "reverse_below_hz"]
             .into_iter()
-            .chain(["accept_unverified", "allow_plain_password", "version", "prefix", "heartbeat", "keep_alive"])
+            .chain([
+                "accept_unverified",
+                "qualify",
+                "allow_plain_password",
+                "version",
+                "prefix",
+                "heartbeat",
+                "keep_alive",
+            ])
             .chain([
                 "lease",
                 "alive_topic",

@@ -1,6 +1,7 @@
 //! What a configuration may say hangs on the form and the quirks of its models; and models of the operator's own.
 
 use super::*;
+use crate::config::qualified::Standing;
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::Ratings;
@@ -29,8 +30,8 @@ fn settled(model: &Model, from: &str, to: &str) -> Result<(Ratings, Vec<u16>, bo
     let mut problems = Vec::new();
     let file = read::read(&text, &mut problems).unwrap();
     let drive = &file.lines[0].drives[0];
-    let control =
-        crate::config::control::settle(drive, Some(model), crate::config::mqtt::Defaults::default(), &mut problems);
+    let defaults = crate::config::mqtt::Defaults::default();
+    let control = crate::config::control::settle(drive, Some(model), defaults, &Standing::Never, &mut problems);
     let ratings = ratings::settle(drive, Some(model), &mut problems);
     if problems.is_empty() {
         let control = control.flatten().unwrap();

@@ -19,6 +19,7 @@ mod metrics;
 mod own_routes;
 mod page;
 mod params;
+mod qualify;
 mod reachable;
 pub mod report;
 mod routes;

@@ -3,7 +3,7 @@
 use super::connections::{self, Patience};
 use super::reachable::Reachable;
 use super::routes::Documents;
-use super::{own_routes, routes};
+use super::{own_routes, qualify, routes};
 use crate::daemon::local::LocalSide;
 use crate::daemon::service::own_lock::{AlreadyRunning, Lock};
 use rustix::fs::{FileType, Mode};
@@ -88,7 +88,9 @@ impl OwnSocket {
             }
         }
         if let Some(listener) = self.listener.take() {
-            let router = routes::router(documents).merge(own_routes::router(side));
+            let data_dir = self.path.parent().map(Path::to_owned).unwrap_or_default();
+            let trials = qualify::router(Arc::clone(&side), data_dir);
+            let router = routes::router(documents).merge(own_routes::router(side)).merge(trials);
             connections::serve(listener, router, Patience::default()).await;
         }
     }

@@ -165,6 +165,7 @@ impl Client {
             start_before: now + COMMAND_DEADLINE,
             issued: None,
             epoch: None,
+            trial: None,
         }
     }
 

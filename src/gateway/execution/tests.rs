@@ -36,6 +36,7 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
         start_before: NOW + Duration::from_secs(1),
         issued: None,
         epoch: None,
+        trial: None,
     };
     let facts = Facts {
         line_is_up: true,

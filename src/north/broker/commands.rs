@@ -188,6 +188,7 @@ impl<C> Commands<C> {
             start_before,
             issued,
             epoch,
+            trial: None,
         };
         let request = Request::Order(order);
         self.unanswered.push(Pending { ticket, drive, by, request, context, place, forget_at });

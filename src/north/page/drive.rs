@@ -124,6 +124,7 @@ impl Drive<'_> {
         json!({
             "can": shown::capabilities(self.description),
             "from": shown::sources(settings),
+            "site": shown::site(settings),
             "min_hz": settings.least.as_f64(),
             "max_hz": settings.most.as_f64(),
             "on_commander_lost": settings.on_commander_lost.word(),

@@ -164,6 +164,7 @@ impl ModelFile {
             watchdog,
             codes: made(&self.codes, CodesFile::ready)?,
             registers,
+            digest: 0,
         })
     }
 }

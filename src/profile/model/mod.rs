@@ -140,6 +140,9 @@ pub struct Model {
     pub codes: Option<CodeRule>,
     /// The registers, in order of address, each at most once.
     pub registers: Vec<Register>,
+    /// Identifies the content of its file, together with what that takes over from others; independent of empty lines
+    /// and comments. 0 for a model that is in no catalog.
+    pub digest: u64,
 }
 
 impl Model {

@@ -164,7 +164,9 @@ fn refused(last: &Report) -> Option<String> {
         (_, Reason::NotReady) => "see at the drive what it waits for: mains, an enable terminal, a trip",
         (_, Reason::OtherDrive) => "check the station number and the model in the configuration",
         (_, Reason::SetpointUnknown) => "command a frequency first",
-        (_, Reason::Unverified) => "list the action under `accept_unverified` once it was tried with care",
+        (_, Reason::Unverified) => {
+            "try it with `vfd-gateway qualify`, or list the action under `accept_unverified` once it was tried with care"
+        }
         _ => return None,
     };
     let code = last.exception.map(|code| format!(" {code:02X}")).unwrap_or_default();

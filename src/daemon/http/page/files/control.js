@@ -79,7 +79,7 @@ export class Controls {
   }
 
   draw() {
-    const { can, min_hz, max_hz, lost_after_s, on_commander_lost } = this.control;
+    const { can, min_hz, max_hz, lost_after_s, on_commander_lost, site } = this.control;
     const draft = this.draft();
     const is_wrong = this.input.value !== "" && draft === null;
     this.input.min = String(min_hz);
@@ -92,7 +92,8 @@ export class Controls {
     this.hint.className = is_wrong ? "range wrong" : "range unseen";
     show(this.form, can.includes("frequency"));
     show(this.coast, can.includes("coast"));
-    const title = `If this tab is closed or loses the gateway: ${on_commander_lost} after ${number(lost_after_s)} s`;
+    const seen = site?.length ? `. Unproven, and seen to work at this drive: ${site.join(", ")}` : "";
+    const title = `If this tab is closed or loses the gateway: ${on_commander_lost} after ${number(lost_after_s)} s${seen}`;
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);

@@ -1,0 +1,90 @@
+//! Which unproven actions of one drive are accepted: those that its control section lists, and those that were confirmed
+//! at the drive itself.
+
+use super::file::ControlFile;
+use super::qualified::Standing;
+use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence};
+use crate::domain::problem::Problem;
+use crate::profile::model::Model;
+use crate::toml_file::{Location, OptionalKey, Spanned};
+
+/// What is accepted for one drive, and how what is not is told.
+#[derive(Clone, Copy)]
+pub(super) struct Acceptance<'a> {
+    file: &'a ControlFile,
+    standing: &'a Standing,
+}
+
+impl<'a> Acceptance<'a> {
+    pub const fn new(file: &'a ControlFile, standing: &'a Standing) -> Self {
+        Self { file, standing }
+    }
+
+    /// Whether the section lists `action`; an invalid list, which is reported, counts as one that does.
+    pub fn lists(&self, action: ControlAction) -> bool {
+        match &self.file.accept_unverified {
+            OptionalKey::Absent => false,
+            OptionalKey::Invalid => true,
+            OptionalKey::Valid(list) => list.value.iter().any(|accepted| accepted.value == action),
+        }
+    }
+
+    /// Whether `action` is listed, or was confirmed at the drive.
+    pub fn accepts(&self, action: ControlAction) -> bool {
+        self.lists(action) || self.standing.actions().contains(&action)
+    }
+
+    /// `problem`, that something unproven is not accepted. It is only a warning while the drive is being qualified, or if
+    /// what was confirmed at it no longer counts: the guard refuses the orders, and the other drives are served.
+    pub fn judged(&self, problem: Problem) -> Problem {
+        let is_expected = self.qualifies() || matches!(self.standing, Standing::Void(..) | Standing::Unreadable);
+        if is_expected { problem.warning() } else { problem }
+    }
+
+    fn qualifies(&self) -> bool {
+        self.file.qualify.valid().is_some_and(|qualify| qualify.value)
+    }
+
+    /// All accepted actions, and those of them that rest on what was seen at the drive.
+    pub fn settled(&self, model: Option<&Model>) -> (Vec<ControlAction>, SiteEvidence) {
+        let listed = super::lists::values(&self.file.accept_unverified).unwrap_or_default();
+        let Standing::Counts(evidence) = self.standing else { return (listed, SiteEvidence::default()) };
+        let counts =
+            |action: &ControlAction| !listed.contains(action) && model.is_some_and(|it| is_unproven(it, *action));
+        let actions: Vec<_> = evidence.actions.iter().copied().filter(counts).collect();
+        let accepted = listed.iter().copied().chain(actions.iter().copied()).collect();
+        (accepted, SiteEvidence { actions, identity: evidence.identity })
+    }
+
+    /// What there is to be told about trials at this drive, whose section is at `location`.
+    pub fn check(&self, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
+        if let Standing::Void(actions, why) = self.standing {
+            let lost = actions.iter().filter(|it| !self.lists(**it) && is_unproven(model, **it));
+            let lost: Vec<_> = lost.map(|it| it.word()).collect();
+            if !lost.is_empty() {
+                let what = format!("what was qualified at this drive no longer counts ({}): {why}", lost.join(", "));
+                problems.push(location.problem(what).right("`vfd-gateway qualify` once more").warning());
+            }
+        }
+        let OptionalKey::Valid(Spanned { value: true, location }) = &self.file.qualify else { return };
+        let what = "the drive is being qualified: a person at this host may try what its model leaves unproven";
+        problems.push(location.problem(what).right("leave it out when the trials are done").warning());
+        if let Some(lost) = self.file.on_commander_lost.as_ref().filter(|lost| lost.value == FailSafe::Hold) {
+            let what = "with `qualify`, a motor that runs in a trial would run on if the command is killed";
+            problems.push(lost.location.problem(what).right("\"stop\""));
+        }
+        if let Some(bus) = self.file.bus.valid().filter(|bus| bus.value != BusFunctions::Both) {
+            let what = "with `qualify`, run commands and the frequency must come over the bus";
+            problems.push(bus.location.problem(what).right("\"both\""));
+        }
+    }
+}
+
+/// Whether `action` needs to be accepted on drives of `model`.
+#[must_use]
+pub fn is_unproven(model: &Model, action: ControlAction) -> bool {
+    match action {
+        ControlAction::Basic => !model.unproven_basics().is_empty(),
+        action => model.run.as_ref().is_some_and(|run| run.unproven().any(|(it, _)| it == action)),
+    }
+}

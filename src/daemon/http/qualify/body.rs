@@ -1,0 +1,164 @@
+//! Bodies of the requests of `vfd-gateway qualify`.
+
+use crate::config::qualified::{Finding, action_of};
+use crate::domain::command::{Direction, Go, Order};
+use crate::domain::control::ControlAction;
+use crate::domain::frequency::Hertz;
+use serde_json::{Map, Value};
+
+/// What the body of an order looks like, for people.
+pub(super) const TRIAL_EXAMPLE: &str = r#"{"order": "forward", "epoch": 7}"#;
+/// What the body of a result looks like, for people.
+pub(super) const RESULT_EXAMPLE: &str = r#"{"action": "basic", "result": "confirmed", "by": "anna"}"#;
+/// Most characters of a person's name.
+const NAME_CHARS_MAX: usize = 64;
+
+/// An order of a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum TrialOrder {
+    Stop,
+    Forward,
+    Reverse,
+    Coast,
+    Reset,
+    Release,
+    /// The motor is still watched.
+    Renew,
+}
+
+impl TrialOrder {
+    const ALL: [Self; 7] =
+        [Self::Stop, Self::Forward, Self::Reverse, Self::Coast, Self::Reset, Self::Release, Self::Renew];
+
+    /// Those that write to the drive.
+    pub const SENT: [Self; 6] = [Self::Stop, Self::Forward, Self::Reverse, Self::Coast, Self::Reset, Self::Release];
+
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Stop => "stop",
+            Self::Forward => "forward",
+            Self::Reverse => "reverse",
+            Self::Coast => "coast",
+            Self::Reset => "reset",
+            Self::Release => "release",
+            Self::Renew => "renew",
+        }
+    }
+
+    /// Whether it starts the motor.
+    pub const fn runs(self) -> bool {
+        matches!(self, Self::Forward | Self::Reverse)
+    }
+
+    /// The unproven action that it may use. A stop is never refused, so it needs none.
+    pub const fn action(self) -> Option<ControlAction> {
+        match self {
+            Self::Stop | Self::Renew => None,
+            Self::Forward => Some(ControlAction::Basic),
+            Self::Reverse => Some(ControlAction::Reverse),
+            Self::Coast => Some(ControlAction::Coast),
+            Self::Reset => Some(ControlAction::Reset),
+            Self::Release => Some(ControlAction::Release),
+        }
+    }
+
+    /// The orders without which `action` was not tried.
+    pub const fn of_action(action: ControlAction) -> &'static [Self] {
+        match action {
+            ControlAction::Basic => &[Self::Stop, Self::Forward],
+            ControlAction::Reverse => &[Self::Reverse],
+            ControlAction::Coast => &[Self::Coast],
+            ControlAction::Reset => &[Self::Reset],
+            ControlAction::Release => &[Self::Release],
+        }
+    }
+
+    /// The order itself; the motor runs at `frequency`.
+    pub fn order(self, frequency: Hertz) -> Option<Order> {
+        let run = |direction| Go::new(Vec::new(), Some(frequency), Some(direction)).map(Order::Go);
+        match self {
+            Self::Stop => Some(Order::Stop { setpoint: None }),
+            Self::Forward => run(Direction::Forward),
+            Self::Reverse => run(Direction::Reverse),
+            Self::Coast => Some(Order::Coast),
+            Self::Reset => Some(Order::Reset),
+            Self::Release => Some(Order::Release),
+            Self::Renew => Some(Order::Renew),
+        }
+    }
+}
+
+/// The order that `body` names, and the epoch of the drive as it was last shown.
+pub(super) fn trial(body: &[u8]) -> Option<(TrialOrder, Option<u64>)> {
+    let object = object(body)?;
+    let word = object.get("order")?.as_str()?;
+    let order = TrialOrder::ALL.into_iter().find(|it| it.word() == word)?;
+    let epoch = match object.get("epoch") {
+        None | Some(Value::Null) => None,
+        Some(epoch) => Some(epoch.as_u64()?),
+    };
+    let known = 1 + usize::from(object.contains_key("epoch"));
+    // A start without one could be older than the last stop.
+    (object.len() == known && (epoch.is_some() || !order.runs())).then_some((order, epoch))
+}
+
+/// The result that `body` names, and who found it.
+pub(super) fn result(body: &[u8]) -> Option<(ControlAction, Finding, String)> {
+    let object = object(body).filter(|object| object.len() == 3)?;
+    let action = action_of(object.get("action")?.as_str()?)?;
+    Some((action, Finding::of(object.get("result")?.as_str()?)?, name(&object)?))
+}
+
+/// Who asks.
+pub(super) fn by(body: &[u8]) -> Option<String> {
+    name(&object(body).filter(|object| object.len() == 1)?)
+}
+
+fn object(body: &[u8]) -> Option<Map<String, Value>> {
+    match serde_json::from_slice(body).ok()? {
+        Value::Object(object) => Some(object),
+        _ => None,
+    }
+}
+
+fn name(object: &Map<String, Value>) -> Option<String> {
+    let name = object.get("by")?.as_str()?;
+    let is_fit = (1..=NAME_CHARS_MAX).contains(&name.chars().count()) && !name.chars().any(char::is_control);
+    is_fit.then(|| name.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_order_is_named_and_a_start_names_its_epoch() {
+        assert_eq!(trial(TRIAL_EXAMPLE.as_bytes()), Some((TrialOrder::Forward, Some(7))));
+        assert_eq!(trial(br#"{"order": "stop"}"#), Some((TrialOrder::Stop, None)));
+        for wrong in [
+            "",
+            "[]",
+            r#"{"order": "jog"}"#,
+            r#"{"order": "forward"}"#,
+            r#"{"order": "reverse", "epoch": null}"#,
+            r#"{"order": "stop", "frequency": 5}"#,
+            r#"{"order": "forward", "epoch": -1}"#,
+        ] {
+            assert_eq!(trial(wrong.as_bytes()), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_result_names_what_came_of_it_and_who_saw_it() {
+        let expected = (ControlAction::Basic, Finding::Confirmed, "anna".to_owned());
+        assert_eq!(result(RESULT_EXAMPLE.as_bytes()), Some(expected));
+        for (from, to) in
+            [("basic", "jog"), ("confirmed", "sure"), ("anna", ""), ("anna", "a\\n"), ("}", ", \"x\": 1}")]
+        {
+            let wrong = RESULT_EXAMPLE.replace(from, to);
+            assert_eq!(result(wrong.as_bytes()), None, "{wrong}");
+        }
+        assert_eq!(by(br#"{"by": "anna"}"#).as_deref(), Some("anna"));
+        assert_eq!(by(br#"{"by": 1}"#), None);
+    }
+}

@@ -1,0 +1,51 @@
+//! The file with what was tried at the drives, in the data directory: read, and replaced as a whole.
+
+use crate::config::qualified::{BYTES_MAX, FILE_NAME, Qualified};
+use crate::daemon::host::user_files;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// What was tried, as far as the file in `data_dir` tells; nothing if there is none. Reads a file.
+///
+/// # Errors
+/// The file cannot be used.
+pub fn read(data_dir: &Path) -> Result<Qualified, String> {
+    let file = data_dir.join(FILE_NAME);
+    match user_files::text(&file, BYTES_MAX) {
+        Ok(text) => Qualified::parse(&text),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Qualified::default()),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+/// Replaces the file atomically: whatever happens, the old or the new one is there.
+///
+/// # Errors
+/// The system's.
+pub fn write(data_dir: &Path, qualified: &Qualified) -> io::Result<()> {
+    let file = data_dir.join(FILE_NAME);
+    let new = file.with_extension("new");
+    let mut written = File::create(&new)?;
+    written.write_all(qualified.text().as_bytes())?;
+    written.sync_all()?;
+    fs::rename(&new, &file)?;
+    File::open(data_dir)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::daemon::testing::Dir;
+
+    #[test]
+    fn a_file_is_there_as_a_whole_or_told_to_be_damaged() {
+        let place = Dir::new();
+        assert_eq!(read(&place), Ok(Qualified::default()), "nothing was tried yet");
+        write(&place, &Qualified::default()).unwrap();
+        assert_eq!(read(&place), Ok(Qualified::default()));
+        fs::write(place.join(FILE_NAME), "{").unwrap();
+        assert!(read(&place).is_err());
+        assert!(write(&place.join("missing"), &Qualified::default()).is_err());
+    }
+}
