@@ -94,7 +94,7 @@ fn only_reads_go_over_the_line() {
     assert!(sent.len() > 10, "{told}");
     for bytes in sent {
         let function = bytes.trim_start_matches('[').split(", ").nth(1).map(str::to_owned);
-        assert_eq!(function.as_deref(), Some("3"), "{bytes}");
+        assert!(matches!(function.as_deref(), Some("1" | "2" | "3" | "4")), "{bytes}");
     }
 }
 

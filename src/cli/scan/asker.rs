@@ -5,6 +5,7 @@ use super::survey::{Asker, Heard};
 use crate::cli::Failure;
 use crate::daemon::host::clock;
 use crate::daemon::lines::tool_line::{NoLine, ToolLine, ToolPort};
+use crate::domain::address::Address;
 use crate::domain::command::Reason;
 use crate::domain::ids::Name;
 use crate::domain::link::LinkSettings;
@@ -119,7 +120,7 @@ impl Asker for PortAsker {
         if self.has_listened { Ok(()) } else { self.listen(setting.link).await }
     }
 
-    async fn ask(&mut self, station: u8, address: u16) -> Result<Heard, Failure> {
+    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, Failure> {
         let place = self.stations.iter().position(|it| *it == station).and_then(|place| u16::try_from(place).ok());
         let place = place.ok_or_else(|| Failure::failed(format!("station {station} is not on the line")))?;
         self.counted()?;

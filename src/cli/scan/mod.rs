@@ -2,6 +2,9 @@
 //! It only reads.
 
 mod asker;
+#[cfg(test)]
+mod confusion_tests;
+mod judge;
 mod plan;
 mod report;
 mod survey;

@@ -1,13 +1,14 @@
 //! What a scan tries, in which order, and how long that takes: settings, the reads that find drives, the reads that
 //! distinguish models. All of it follows from the models.
 
-use crate::domain::address::Table;
+use super::judge::words;
+use crate::domain::address::Address;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::gateway::DriveSetup;
 use crate::journal::Remembered;
 use crate::line::timeouts::{Class, ReplyTimeouts};
 use crate::line::timing::Timing;
-use crate::profile::model::{Model, Quirks, Register};
+use crate::profile::model::{Model, Quirks};
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -15,10 +16,10 @@ use std::time::Duration;
 
 /// How long the line is observed before the first frame.
 pub const LISTEN: Duration = Duration::from_secs(2);
-/// Registers that are read to distinguish a model from the others.
-pub const TELLING: usize = 3;
-/// Most reads without an answer that one station may cost while its model is determined.
-pub const SILENCES_MAX: u32 = 2;
+/// Most reads that one station may cost while its model is determined, however many models there are.
+pub const READS_MAX: u32 = 32;
+/// Most of them without an answer, and one more at a register of the likeliest model.
+pub const SILENCES_MAX: u32 = 3;
 /// The assumed time of an answer beyond its characters: drives need some milliseconds, adapters as many.
 const ANSWERS_WITHIN: Duration = Duration::from_millis(50);
 /// Time to open a port.
@@ -44,8 +45,21 @@ pub struct Setting {
     pub framing: Framing,
     /// Models that may be set to this, those with it as factory setting first.
     pub candidates: Vec<Arc<Model>>,
-    /// Addresses of which every drive with this factory setting answers at least one.
-    pub probes: Vec<u16>,
+    /// How many of them have it as factory setting.
+    pub factory_count: usize,
+    /// Reads of which every drive with this factory setting answers at least one.
+    pub probes: Vec<Probe>,
+    /// Longest wait for an answer.
+    pub timeout: Duration,
+    /// How long after that one may still come.
+    pub lateness: Duration,
+}
+
+/// A read that finds drives, and the times of those that it is meant for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Probe {
+    /// The address.
+    pub address: Address,
     /// Longest wait for an answer.
     pub timeout: Duration,
     /// How long after that one may still come.
@@ -102,12 +116,21 @@ impl Setting {
             .cloned()
             .partition(|model| leaves_so(model));
         let asked = if factory.is_empty() { &other } else { &factory };
-        let probes = probes(asked);
-        let waits = asked.iter().map(|model| ReplyTimeouts::auto(&model.timing).of(Class::Read));
-        let timeout = wish.timeout.or(waits.max()).unwrap_or_default();
-        let lateness = asked.iter().map(|model| model.timing.max_lateness.value).max().unwrap_or_default();
+        let mut probes = probes(asked);
+        for probe in &mut probes {
+            probe.timeout = wish.timeout.unwrap_or(probe.timeout);
+        }
+        let timeout = probes.iter().map(|probe| probe.timeout).max().unwrap_or_default();
+        let lateness = probes.iter().map(|probe| probe.lateness).max().unwrap_or_default();
+        let factory_count = factory.len();
         let candidates = [factory, other].concat();
-        Self { link, framing, candidates, probes, timeout, lateness }
+        Self { link, framing, candidates, factory_count, probes, timeout, lateness }
+    }
+
+    /// The same with the times of one of its probes.
+    #[must_use]
+    pub fn with(&self, probe: &Probe) -> Self {
+        Self { timeout: probe.timeout, lateness: probe.lateness, ..self.clone() }
     }
 
     /// Times of a line with this setting.
@@ -145,17 +168,16 @@ impl Setting {
 
     /// Time for `stations` that do not answer.
     fn when_silent(&self, stations: u32) -> Duration {
-        let rounds = u32::try_from(self.probes.len()).unwrap_or(u32::MAX);
-        (self.exchange(self.timeout) * stations + self.lateness + OPENS_WITHIN) * rounds
+        let round = |probe: &Probe| self.exchange(probe.timeout) * stations + probe.lateness + OPENS_WITHIN;
+        self.probes.iter().map(round).sum()
     }
 
     /// Time to determine the model of one station that answers, with all silences that this may cost.
     fn when_told_apart(&self) -> Duration {
-        let reads = u32::try_from(TELLING * self.candidates.len().min(3)).unwrap_or(u32::MAX);
         let is_told_by_silence = self.candidates.iter().any(|model| model.exceptions.is_empty());
         let silence = self.exchange(self.timeout) + self.lateness + self.exchange(ANSWERS_WITHIN);
-        let silences = if is_told_by_silence { silence } else { Duration::ZERO };
-        self.exchange(ANSWERS_WITHIN) * reads + silences
+        let silences = if is_told_by_silence { silence * (SILENCES_MAX + 1) } else { Duration::ZERO };
+        self.exchange(ANSWERS_WITHIN) * READS_MAX + silences
     }
 
     fn exchange(&self, wait: Duration) -> Duration {
@@ -227,53 +249,31 @@ fn order(link: &LinkSettings) -> (u32, u8, u8, bool) {
     (link.baud, 8 - link.data_bits, link.stop_bits, link.parity != Parity::None)
 }
 
-/// The register at `address`, if it can be read.
-pub fn readable(model: &Model, address: u16) -> Option<&Register> {
-    model.readable_at(address)
-}
-
-/// What a scan reads: holding registers alone.
-fn is_holding(register: &&Register) -> bool {
-    register.access.can_read() && register.address.table() == Table::Holding
-}
-
-/// Few addresses, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked;
-/// of others nobody knows what they do about an address that they do not have.
-pub fn probes(models: &[Arc<Model>]) -> Vec<u16> {
-    let answers = |model: &Model, address| {
-        readable(model, address).is_some() || !model.exceptions.is_empty() || model.read.reads_holes()
+/// Few reads, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked; of
+/// others nobody knows what they do about an address that they do not have. Holding registers are preferred: few drives
+/// lack function 03.
+pub fn probes(models: &[Arc<Model>]) -> Vec<Probe> {
+    let answers = |(model, words): &Known<'_>, address| {
+        words.contains(&address) || !model.exceptions.is_empty() || model.read.reads_holes()
     };
-    let mut left: Vec<&Arc<Model>> = models.iter().collect();
+    let mut left: Vec<Known<'_>> = models.iter().map(|model| (model, words(model).into_keys().collect())).collect();
     let mut probes = Vec::new();
     while !left.is_empty() {
-        let addresses: BTreeSet<u16> = left
-            .iter()
-            .flat_map(|model| model.registers.iter().filter(is_holding).map(|it| it.address.number()))
-            .collect();
-        let count = |address: u16| left.iter().filter(|model| answers(model, address)).count();
+        let addresses: BTreeSet<Address> = left.iter().flat_map(|(_, words)| words.iter().copied()).collect();
+        let count = |address: Address| left.iter().filter(|it| answers(it, address)).count();
         // Of equal ones the lowest.
-        let Some(best) = addresses.into_iter().rev().max_by_key(|address| count(*address)) else { break };
-        probes.push(best);
-        left.retain(|model| !answers(model, best));
+        let Some(address) = addresses.into_iter().rev().max_by_key(|address| count(*address)) else { break };
+        let (found, others): (Vec<_>, Vec<_>) = left.into_iter().partition(|it| answers(it, address));
+        let waits = found.iter().map(|(model, _)| ReplyTimeouts::auto(&model.timing).of(Class::Read));
+        let lateness = found.iter().map(|(model, _)| model.timing.max_lateness.value).max().unwrap_or_default();
+        probes.push(Probe { address, timeout: waits.max().unwrap_or_default(), lateness });
+        left = others;
     }
     probes
 }
 
-/// The registers of `model` that the fewest others of `all` have, the surest first.
-#[must_use]
-pub fn telling(model: &Model, all: &[Arc<Model>]) -> Vec<u16> {
-    let others =
-        |address| all.iter().filter(|other| other.id != model.id && readable(other, address).is_some()).count();
-    let mut registers: Vec<_> = model.registers.iter().filter(is_holding).collect();
-    registers.sort_by_key(|register| (others(register.address.number()), register.confidence, register.address));
-    registers.iter().map(|register| register.address.number()).take(TELLING).collect()
-}
-
-/// An address that none of `models` has.
-#[must_use]
-pub fn nowhere(models: &[Arc<Model>]) -> Option<u16> {
-    (0..0x7000_u16).rev().find(|address| models.iter().all(|model| model.register_at(*address).is_none()))
-}
+/// A model, and the addresses that it has.
+type Known<'a> = (&'a Arc<Model>, BTreeSet<Address>);
 
 /// Stations in text form: `1-32`, `1,3,7-9`.
 ///

@@ -29,13 +29,18 @@ pub fn setting_text(setting: &Setting) -> String {
     format!("{}{ascii}", setting.link)
 }
 
-/// The model candidates, for people.
+/// The model candidates, the best first, for people.
 pub fn model_text(finding: &Finding) -> String {
-    let ids: Vec<_> = finding.verdict.fits.iter().map(|model| model.id.as_str()).collect();
-    match finding.verdict.word() {
-        "probable" => format!("probably {}", ids.join(", ")),
-        "possible" => format!("perhaps {}", ids.join(" or ")),
+    let verdict = &finding.verdict;
+    let fits: Vec<_> = verdict.fits.iter().map(|(model, why)| format!("{} ({why})", model.id)).collect();
+    let text = match verdict.word() {
+        "probable" => format!("probably {}", fits.join(", ")),
+        "possible" => format!("perhaps {}", fits.join(" or ")),
         _ => "answers, but fits no model".to_owned(),
+    };
+    match &verdict.other {
+        Some(other) => format!("says that it is {other}; {text}"),
+        None => text,
     }
 }
 
@@ -77,11 +82,15 @@ impl Scan<'_> {
     /// All of it for programs, with the configuration.
     pub fn json(&self) -> Value {
         let drive = |finding: &Finding| {
-            let models: Vec<_> = finding.verdict.fits.iter().map(|model| model.id.as_str()).collect();
+            let fits = &finding.verdict.fits;
+            let models: Vec<_> = fits.iter().map(|(model, _)| model.id.as_str()).collect();
+            let why: Vec<_> = fits.iter().map(|(_, why)| why.as_str()).collect();
             let mut json = json!({
                 "station": finding.station,
                 "answer": if finding.by_exception { "exception" } else { "word" },
                 "models": models,
+                "why": why,
+                "says_other": finding.verdict.other,
                 "confidence": finding.verdict.word(),
             });
             let link = self.setting(finding).filter(|_| matches!(self.port, PortAddress::Device(_)));
@@ -157,14 +166,17 @@ impl Scan<'_> {
 
 fn drive(finding: &Finding, text: &mut String) {
     let station = finding.station;
-    let Some(model) = finding.verdict.fits.first() else {
-        let _ = writeln!(text, "\n# Station {station} answers, but fits no model that is known.");
+    let Some((model, why)) = finding.verdict.fits.first() else {
+        let _ = writeln!(text, "\n# Station {station}: {}.", model_text(finding));
         return;
     };
-    let others: Vec<_> = finding.verdict.fits.iter().skip(1).map(|model| model.id.as_str()).collect();
+    let others: Vec<_> = finding.verdict.fits.iter().skip(1).map(|(model, _)| model.id.as_str()).collect();
     let sure = match (finding.verdict.word(), others.is_empty()) {
-        ("probable", _) => "identified by its registers; compare it with the nameplate".to_owned(),
-        (_, true) => "a guess: it answers whatever it is asked; compare it with the nameplate".to_owned(),
+        ("probable", _) => format!("identified: {why}; compare it with the nameplate"),
+        (_, true) if finding.verdict.answers_anything => {
+            "a guess: it answers whatever it is asked; compare it with the nameplate".to_owned()
+        }
+        (_, true) => format!("a guess: {why}; compare it with the nameplate"),
         (_, false) => format!("or {}; compare it with the nameplate", others.join(" or ")),
     };
     let _ = writeln!(
@@ -172,6 +184,11 @@ fn drive(finding: &Finding, text: &mut String) {
         "\n  [[line.drive]]\n  name = \"drive-{station}\"\n  model = \"{}\" # {sure}\n  station = {station}",
         model.id
     );
+    if model.needs_full_scale() {
+        text.push_str(
+            "  # full_scale_hz = # needed: the frequency that stands for 100 % at the drive; look it up there\n",
+        );
+    }
 }
 
 fn link_json(link: LinkSettings) -> Value {

@@ -1,10 +1,12 @@
 //! The course of a scan: which stations answer, and what they probably are. It knows neither port nor clock, so that a
 //! test can run it on a simulated line in simulated time.
 
-use super::plan::{Plan, SILENCES_MAX, Setting, nowhere, readable, telling};
+use super::judge::{Evidence, Judgement, Refusals, Suspect, nowhere};
+use super::plan::{Plan, READS_MAX, SILENCES_MAX, Setting};
 use crate::cli::Failure;
-use crate::profile::model::{Holes, Model};
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use crate::domain::address::Address;
+use crate::profile::model::Model;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The outcome of one read.
@@ -32,7 +34,7 @@ pub trait Asker {
     ///
     /// # Errors
     /// The line is lost, or another master uses it.
-    async fn ask(&mut self, station: u8, address: u16) -> Result<Heard, Failure>;
+    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, Failure>;
 }
 
 /// An event that is shown at once.
@@ -64,8 +66,12 @@ pub struct Finding {
 /// The models that a drive may be.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The models that fit, the most likely first.
-    pub fits: Vec<Arc<Model>>,
+    /// The models that fit, the most likely first, each with what speaks for it.
+    pub fits: Vec<(Arc<Model>, String)>,
+    /// The drive says that it is this one, which is no model.
+    pub other: Option<String>,
+    /// Too little was heard to give a single name.
+    pub is_open: bool,
     /// It also answers addresses that no model has: a fit proves little.
     pub answers_anything: bool,
 }
@@ -74,7 +80,7 @@ impl Verdict {
     /// The confidence, in one word.
     #[must_use]
     pub fn word(&self) -> &'static str {
-        match (self.fits.len(), self.answers_anything) {
+        match (self.fits.len(), self.answers_anything || self.is_open) {
             (0, _) => "unknown",
             (1, false) => "probable",
             _ => "possible",
@@ -121,8 +127,8 @@ pub async fn survey(
             continue;
         }
         asker.open(setting, &answered.keys().copied().collect::<Vec<_>>()).await?;
-        for (station, probe) in answered {
-            let verdict = identify(setting, station, probe, asker).await?;
+        for (station, (probe, evidence)) in answered {
+            let verdict = identify(setting, station, probe, evidence, asker).await?;
             let of_station = |drive: &&mut Finding| drive.setting == number && drive.station == station;
             if let Some(finding) = findings.drives.iter_mut().find(of_station) {
                 finding.verdict = verdict;
@@ -134,29 +140,33 @@ pub async fn survey(
     Ok(())
 }
 
-/// Requests each station until it answers. Returns those that do, with the address at which they did.
+/// Requests each station until it answers. Returns those that do, with the address at which they did, and all that was
+/// heard of them.
 async fn look(
     plan: &Plan,
     number: usize,
     asker: &mut impl Asker,
     findings: &mut Findings,
     tell: &mut impl FnMut(Event<'_>),
-) -> Result<BTreeMap<u8, u16>, Failure> {
+) -> Result<BTreeMap<u8, (Address, Evidence)>, Failure> {
     let Some(setting) = plan.settings.get(number) else { return Ok(BTreeMap::new()) };
     let is_new = |findings: &Findings, station| !findings.has_like(plan, setting, station);
     let mut left: Vec<u8> = plan.stations.iter().copied().filter(|station| is_new(findings, *station)).collect();
     let mut answered = BTreeMap::new();
+    let mut evidence: BTreeMap<u8, Evidence> = BTreeMap::new();
     for probe in &setting.probes {
         if left.is_empty() {
             break;
         }
-        asker.open(setting, &left).await?;
+        asker.open(&setting.with(probe), &left).await?;
         for station in std::mem::take(&mut left) {
-            let heard = asker.ask(station, *probe).await?;
+            let heard = asker.ask(station, probe.address).await?;
             tell(Event::Asked);
             match heard {
                 Heard::Word(_) | Heard::Exception(_) => {
-                    answered.insert(station, *probe);
+                    let mut evidence = evidence.remove(&station).unwrap_or_default();
+                    evidence.hear(probe.address, heard);
+                    answered.insert(station, (probe.address, evidence));
                     findings.damaged.entry(number).or_default().remove(&station);
                     let by_exception = matches!(heard, Heard::Exception(_));
                     let verdict = Verdict::default();
@@ -167,59 +177,49 @@ async fn look(
                     findings.damaged.entry(number).or_default().insert(station);
                     left.push(station);
                 }
-                Heard::Silent => left.push(station),
+                Heard::Silent => {
+                    // A slow drive may only have been late.
+                    if probe.timeout >= setting.timeout {
+                        evidence.entry(station).or_default().was_silent(probe.address);
+                    }
+                    left.push(station);
+                }
             }
         }
     }
     Ok(answered)
 }
 
-/// Reads the registers that distinguish the models, those first that have this factory setting. `probe` is known to be
-/// answered.
-async fn identify(setting: &Setting, station: u8, probe: u16, asker: &mut impl Asker) -> Result<Verdict, Failure> {
-    let has_number = |model: &&Arc<Model>| model.link.stations.value.contains(&station);
-    let all: Vec<Arc<Model>> = setting.candidates.iter().filter(has_number).cloned().collect();
-    let all = &all[..];
-    let mut look = Look { asker, station, probe, silences: 0, known: BTreeMap::new() };
-    let mut verdict = Verdict::default();
-    let mut has_refused = false;
-    let mut queue: VecDeque<&Arc<Model>> = all.iter().collect();
-    while let Some(model) = queue.pop_front() {
-        if look.silences >= SILENCES_MAX {
-            break;
-        }
-        let fit = look.fits(model, all).await?;
-        if fit == Fit::No {
-            has_refused = true;
-            continue;
-        }
-        verdict.answers_anything |= fit == Fit::ProvesNothing;
-        verdict.fits.push(Arc::clone(model));
-        let told = telling(model, all);
-        if verdict.fits.len() > 1 || verdict.answers_anything {
-            continue;
-        }
-        if !has_refused
-            && all.len() > 1
-            && let Some(nowhere) = nowhere(all)
-        {
-            verdict.answers_anything = matches!(look.ask(nowhere).await?, Heard::Word(_));
-        }
-        // A station that has shown that it does not answer everything can only be one that has all of these too.
-        if !verdict.answers_anything {
-            queue.retain(|other| told.iter().all(|address| readable(other, *address).is_some()));
-        }
+/// Reads what tells the models apart, until nothing more would. `probe` is known to be answered.
+async fn identify(
+    setting: &Setting,
+    station: u8,
+    probe: Address,
+    evidence: Evidence,
+    asker: &mut impl Asker,
+) -> Result<Verdict, Failure> {
+    let all = setting.candidates.iter().enumerate();
+    let suspects: Vec<Suspect> = all
+        .filter(|(_, model)| model.link.stations.value.contains(&station))
+        .map(|(index, model)| Suspect::new(model, index < setting.factory_count))
+        .collect();
+    let mut look = Look { asker, station, probe, silences: 0, evidence };
+    if let Some(nowhere) = nowhere(&suspects) {
+        let heard = look.ask(nowhere).await?;
+        look.evidence.hear_nowhere(nowhere, heard);
     }
-    Ok(verdict)
-}
-
-/// How a drive's words fit a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fit {
-    No,
-    /// All of them are 0, as a drive of this model shows any address.
-    ProvesNothing,
-    Yes,
+    let mut judgement = Judgement::new(&suspects, &look.evidence);
+    let mut reads = 0;
+    while reads < READS_MAX && look.silences <= SILENCES_MAX {
+        let Some(next) = judgement.next(&look.evidence, look.refusals()) else { break };
+        let heard = look.ask(next).await?;
+        look.evidence.hear(next, heard);
+        judgement = Judgement::new(&suspects, &look.evidence);
+        reads += 1;
+    }
+    let is_open = !judgement.is_told();
+    let fits = judgement.fits(&look.evidence);
+    Ok(Verdict { fits, other: judgement.other, is_open, answers_anything: look.evidence.answers_anything() })
 }
 
 /// The reads from one station.
@@ -227,40 +227,27 @@ struct Look<'a, A> {
     asker: &'a mut A,
     station: u8,
     /// An address that it answers.
-    probe: u16,
+    probe: Address,
     silences: u32,
-    known: BTreeMap<u16, Heard>,
+    evidence: Evidence,
 }
 
 impl<A: Asker> Look<'_, A> {
-    /// Whether all registers that distinguish `model` from the others exist, with words that they accept.
-    async fn fits(&mut self, model: &Model, all: &[Arc<Model>]) -> Result<Fit, Failure> {
-        let mut fit = if model.read.reads_holes() { Fit::ProvesNothing } else { Fit::Yes };
-        for address in telling(model, all) {
-            let heard = self.ask(address).await?;
-            let Heard::Word(word) = heard else { return Ok(Fit::No) };
-            if readable(model, address).is_none_or(|register| !register.takes(word)) {
-                return Ok(Fit::No);
-            }
-            if word != 0 && model.read.holes.as_ref().is_some_and(|holes| holes.value == Holes::Zero) {
-                fit = Fit::Yes;
-            }
+    fn refusals(&self) -> Refusals {
+        match self.silences {
+            0 => Refusals::Cheap,
+            SILENCES_MAX.. => Refusals::TooDear,
+            _ => Refusals::Dear,
         }
-        Ok(fit)
     }
 
-    /// Reads `address`, once. After a silence the station is asked for a known address, so that it does not count as
-    /// gone.
-    async fn ask(&mut self, address: u16) -> Result<Heard, Failure> {
-        if let Some(heard) = self.known.get(&address) {
-            return Ok(*heard);
-        }
+    /// Reads `address`. After a silence the station is asked for a known address, so that it does not count as gone.
+    async fn ask(&mut self, address: Address) -> Result<Heard, Failure> {
         let heard = self.asker.ask(self.station, address).await?;
         if matches!(heard, Heard::Silent | Heard::Damaged) {
             self.silences += 1;
             self.asker.ask(self.station, self.probe).await?;
         }
-        self.known.insert(address, heard);
         Ok(heard)
     }
 }

@@ -8,6 +8,7 @@ use crate::daemon::local::LocalSide;
 use crate::daemon::port::{OpenError, Opener, PortSettings};
 use crate::daemon::service::build;
 use crate::daemon::service::north_sides::NorthSides;
+use crate::domain::address::Address;
 use crate::domain::command::Report;
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::{DirectionControl, EchoPolicy, Interface, LinkSettings};
@@ -159,8 +160,8 @@ impl ToolLine {
     ///
     /// # Errors
     /// Why there is no word.
-    pub async fn read(&self, place: u16, address: u16, deadline: MonoTime) -> Result<u16, Report> {
-        self.side.read(DriveRef { line: 0, drive: DriveIndex(place) }, address.into(), deadline).await
+    pub async fn read(&self, place: u16, address: Address, deadline: MonoTime) -> Result<u16, Report> {
+        self.side.read(DriveRef { line: 0, drive: DriveIndex(place) }, address, deadline).await
     }
 
     /// Gives the port back.
