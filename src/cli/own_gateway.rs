@@ -59,6 +59,9 @@ pub struct DriveArgs {
     /// Frames of text (Modbus ASCII) instead of binary ones
     #[arg(long)]
     ascii: bool,
+    /// The output frequency that stands for 100 % at the drive, for models whose values are fractions of it
+    #[arg(long, value_name = "HZ")]
+    full_scale_hz: Option<f64>,
     /// The adapter sends back what is sent
     #[arg(long)]
     echo: bool,
@@ -293,6 +296,9 @@ fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra:
          uniform_unit = {UNIFORM_UNIT}\npoll = \"{poll}ms\"\n",
         model.id
     );
+    if let Some(full_scale_hz) = args.full_scale_hz {
+        let _ = writeln!(text, "full_scale_hz = {full_scale_hz:?}");
+    }
     let mut write = "";
     if !extra.control.is_empty() {
         let _ = write!(text, "\n[line.drive.control]\n{}", extra.control);
@@ -332,11 +338,14 @@ mod tests {
             let commands = control((5.0, 50.0), "forward", "stop");
             let basic = ControlAction::Basic.word().to_owned();
             let unproven = if model.unproven_basics().is_empty() { Vec::new() } else { vec![basic] };
-            for (control, moves) in [(String::new(), false), (Extra::control_at_rest(), false), (commands, true)] {
+            let ways = [(String::new(), false), (Extra::control_at_rest(), false), (commands, true)];
+            let full_scale_hz = model.needs_full_scale().then_some(50.0);
+            let args = DriveArgs { full_scale_hz, ..DriveArgs::default() };
+            for (control, moves) in ways.into_iter().take(if model.run.is_none() { 1 } else { 3 }) {
                 let poll = (!control.is_empty()).then_some(Duration::from_millis(500));
                 let accept_unverified = if moves { unproven.clone() } else { Vec::new() };
                 let extra = Extra { control, moves, accept_unverified, poll, native_write: Vec::new() };
-                let text = text(&port, &DriveArgs::default(), 1, model, &extra, Path::new("/run/x"));
+                let text = text(&port, &args, 1, model, &extra, Path::new("/run/x"));
                 if let Err(failure) = config_of(&text, &catalog) {
                     panic!("{}: {failure}\n{text}", model.id);
                 }

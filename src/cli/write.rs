@@ -376,8 +376,7 @@ mod tests {
 
     #[test]
     fn a_word_that_makes_a_motor_run_is_not_written_and_left_alone() {
-        let catalog = crate::vendors::catalog();
-        for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
+        for model in crate::vendors::reviewed() {
             let run = model.run.as_ref().unwrap();
             let register = model.register_for(Role::RunCommand).unwrap().address;
             let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
@@ -399,8 +398,7 @@ mod tests {
 
     #[test]
     fn straight_on_a_port_no_word_is_written_where_commands_are() {
-        let catalog = crate::vendors::catalog();
-        for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
+        for model in crate::vendors::reviewed() {
             let register = model.register_for(Role::RunCommand).unwrap().address.number();
             let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);
             let word = model.run.as_ref().unwrap().forward.value.to_string();

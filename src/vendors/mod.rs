@@ -99,6 +99,24 @@ pub const fn in_demo() -> &'static [&'static str] {
     &["hyundai-n700", "toshiba-vf-as1", "teco-e510", "frecon-fr500a"]
 }
 
+/// The models whose every row was typed a second time in `tests/` here. Tests that play one promise in depth rest on
+/// what these have in common: they take orders, in one register, with a setpoint in steps of 0.01 Hz.
+#[cfg(test)]
+#[must_use]
+pub fn reviewed() -> Vec<std::sync::Arc<crate::profile::model::Model>> {
+    let ids = [
+        "frecon-fr500a",
+        "hyundai-n100plus",
+        "hyundai-n700",
+        "teco-e510",
+        "teco-e510s",
+        "toshiba-vf-as1",
+        "toshiba-vf-s15",
+    ];
+    let catalog = catalog();
+    ids.iter().filter_map(|id| catalog.find(id).cloned()).collect()
+}
+
 /// All built-in models. Each is read when it is first asked for, once in a process.
 #[must_use]
 pub fn catalog() -> Catalog {

@@ -202,7 +202,7 @@ fn a_command_register_is_no_parameter() {
 }
 
 fn catalog_ids() -> Vec<String> {
-    crate::support::catalog().ids().map(str::to_owned).collect()
+    crate::support::families::models().iter().map(|model| model.id.clone()).collect()
 }
 
 #[test]

@@ -11,14 +11,29 @@ use vfd_gateway::domain::link::Framing;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
 use vfd_gateway::profile::model::{Model, Role};
 use vfd_gateway::sim::BusOptions;
+use vfd_gateway::vendors;
 
 /// A tool at the gateway's own socket.
 pub const LOCAL: Origin = Origin { owner: Owner::Local, ..super::MQTT };
 
-/// All built-in models, in the order of their names.
+/// The drives with which one promise is played in depth: they take orders, in one register, with a setpoint in hertz.
+/// [`walked`] has every model.
+const IN_DEPTH: [&str; 7] = [
+    "frecon-fr500a",
+    "hyundai-n100plus",
+    "hyundai-n700",
+    "teco-e510",
+    "teco-e510s",
+    "toshiba-vf-as1",
+    "toshiba-vf-s15",
+];
+
+/// The models of [`IN_DEPTH`], and those in `VFD_MODEL_DIR`.
 pub fn models() -> Vec<Arc<Model>> {
-    let catalog = catalog();
-    catalog.ids().map(|id| Arc::clone(catalog.find(id).expect("it is listed"))).collect()
+    let built_in: Vec<_> =
+        vendors::texts().iter().map(|(file, _)| file.replace('/', "-").replace(".toml", "")).collect();
+    let is_played = |model: &&Arc<Model>| IN_DEPTH.contains(&model.id.as_str()) || !built_in.contains(&model.id);
+    catalog().models().filter(is_played).cloned().collect()
 }
 
 /// The test models that have the constructs which no drive of the time has.

@@ -361,7 +361,9 @@ fn every_built_in_model_names_the_line_with_which_it_takes_orders() {
     for id in catalog.ids() {
         let unproven = !catalog.find(id).unwrap().unproven_basics().is_empty();
         let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
-        let text = with(&text, "model = \"hyundai-n700\"\nstation = 1", &format!("model = '{id}'\nstation = 1"));
+        let full_scale = if catalog.find(id).unwrap().needs_full_scale() { "\nfull_scale_hz = 50.0" } else { "" };
+        let drive = format!("model = '{id}'\nstation = 1{full_scale}");
+        let text = with(&text, "model = \"hyundai-n700\"\nstation = 1", &drive);
         let line = "accept_unverified = [\"basic\"]";
         let found: Vec<_> = load(&text, &catalog).map_or_else(|it| it, |_| Vec::new());
         let named: Vec<_> = found.iter().filter(|it| it.key == format!("{AT}.accept_unverified")).collect();
