@@ -94,7 +94,7 @@ fn lines(args: &Args, model: &Arc<Model>) -> String {
     let stations: Vec<_> = model.link.stations.value.clone().take(LINE_MAX).collect();
     let lines = (1..).zip(drives.chunks(stations.len().max(1))).map(|(number, chunk)| Line {
         name: format!("line-{number}"),
-        link: model.link.default.value,
+        link: model.link.played(),
         drives: chunk.iter().zip(&stations).map(|(drive, station)| drive_on(*drive, *station, model)).collect(),
     });
     let lines: Vec<_> = lines.collect();

@@ -14,10 +14,11 @@ use crate::daemon::service::run;
 use crate::daemon::service::start_error::StartError;
 use crate::domain::control::ControlAction;
 use crate::domain::ids::Name;
+use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::report::LineState;
 use crate::drive::snapshot::Presence;
 use crate::profile::catalog::Catalog;
-use crate::profile::model::Model;
+use crate::profile::model::{Factory, Model};
 use crate::toml_file::words::{PARITIES, word_for};
 use serde_json::json;
 use std::fmt::Write;
@@ -51,7 +52,7 @@ pub struct DriveArgs {
     /// Station of the drive on the port
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=247))]
     station: Option<u8>,
-    /// Speed of the line in bit/s; default: as the model leaves the factory
+    /// Speed of the line in bit/s; default: as the model leaves the factory, if that is known
     #[arg(long)]
     baud: Option<u32>,
     #[command(flatten)]
@@ -172,7 +173,8 @@ impl OwnGateway {
         let model = args.model()?;
         let station = args.station.ok_or_else(|| Failure::wrong("directly on a port, --station is needed"))?;
         let directory = Directory::new()?;
-        let text = text(port, args, station, &model, extra, &directory.0);
+        let link = link_of(args, &model)?;
+        let text = text(port, args, link, station, &model, extra, &directory.0);
         let config = config_of(&text, &args.catalog()?)?;
         let line = config.lines.first().ok_or_else(|| Failure::failed("no line"))?;
         let drive = line.drives.first().map_or_else(Name::fallback, |drive| drive.name.clone());
@@ -268,12 +270,37 @@ fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
     })
 }
 
+/// The settings of the line: as given, else as the model leaves the factory.
+fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
+    let framing = if args.ascii { Framing::Ascii } else { Framing::Rtu };
+    let factory = model.link.factory_with(framing);
+    let (given, of) = ((args.baud, args.link.parity(), args.link.stop_bits), |part: &str| {
+        let why = match &model.link.default.value {
+            Factory::Ask(text) => format!("the factory setting of {} is not known: {text}", model.id),
+            Factory::Set(settings) => format!("{} leaves the factory with ASCII frames at {settings}", model.id),
+        };
+        Failure::wrong(format!("{part} is needed; {why}"))
+    });
+    Ok(LinkSettings {
+        baud: given.0.or(factory.map(|it| it.baud)).ok_or_else(|| of("--baud"))?,
+        parity: given.1.or(factory.map(|it| it.parity)).ok_or_else(|| of("--parity"))?,
+        stop_bits: given.2.or(factory.map(|it| it.stop_bits)).ok_or_else(|| of("--stop-bits"))?,
+        data_bits: factory.map_or(8, |it| it.data_bits),
+    })
+}
+
 /// The configuration of a gateway for one drive.
-fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra: &Extra, data_dir: &Path) -> String {
-    let factory = model.link.default.value;
-    let baud = args.baud.unwrap_or(factory.baud);
-    let parity = word_for(&PARITIES, &args.link.parity().unwrap_or(factory.parity));
-    let stop_bits = args.link.stop_bits.unwrap_or(factory.stop_bits);
+fn text(
+    port: &PortAddress,
+    args: &DriveArgs,
+    link: LinkSettings,
+    station: u8,
+    model: &Model,
+    extra: &Extra,
+    data_dir: &Path,
+) -> String {
+    let LinkSettings { baud, stop_bits, .. } = link;
+    let parity = word_for(&PARITIES, &link.parity);
     let mut text = format!(
         "[gateway]\nname = \"tool\"\ndata_dir = {}\n\n[[line]]\nname = \"tool\"\nport = {}\nbaud = {baud}\n\
          parity = \"{parity}\"\nstop_bits = {stop_bits}\n",
@@ -284,7 +311,7 @@ fn text(port: &PortAddress, args: &DriveArgs, station: u8, model: &Model, extra:
         let _ = writeln!(text, "rs485 = \"{}\"", args.link.direction_word());
     }
     if args.ascii {
-        text.push_str("framing = \"ascii\"\n");
+        let _ = writeln!(text, "framing = \"ascii\"\ndata_bits = {}", link.data_bits);
     }
     if args.echo {
         text.push_str("echo = \"strip\"\n");
@@ -345,7 +372,7 @@ mod tests {
                 let poll = (!control.is_empty()).then_some(Duration::from_millis(500));
                 let accept_unverified = if moves { unproven.clone() } else { Vec::new() };
                 let extra = Extra { control, moves, accept_unverified, poll, native_write: Vec::new() };
-                let text = text(&port, &args, 1, model, &extra, Path::new("/run/x"));
+                let text = text(&port, &args, model.link.played(), 1, model, &extra, Path::new("/run/x"));
                 if let Err(failure) = config_of(&text, &catalog) {
                     panic!("{}: {failure}\n{text}", model.id);
                 }

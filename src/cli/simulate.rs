@@ -10,7 +10,7 @@ use crate::daemon::service::run::told_to_end;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::domain::time::MonoTime;
-use crate::profile::model::Model;
+use crate::profile::model::{Factory, Model};
 use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
 use crate::toml_file::words::{FRAMINGS, word_for};
 use std::fmt::Display;
@@ -39,13 +39,13 @@ pub struct Args {
     /// Listen on this address instead, like a serial device server
     #[arg(long, value_name = "ADDRESS", conflicts_with = "link")]
     tcp: Option<SocketAddr>,
-    /// Speed in bit/s; default: the model's factory setting
+    /// Speed in bit/s; default: the model's factory setting; if none is known, 9600, or the first that it lists
     #[arg(long)]
     baud: Option<u32>,
-    /// Parity; default: the model's factory setting
+    /// Parity; default: the model's factory setting; if none is known, none, or the first that it lists
     #[arg(long, value_enum)]
     parity: Option<ParityArg>,
-    /// Stop bits; default: the model's factory setting
+    /// Stop bits; default: the model's factory setting; if none is known, 1, or the first that it lists
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
     stop_bits: Option<u8>,
     /// Framing; the model must support it
@@ -121,9 +121,10 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
         enter: if args.trip_on_enter { Some(Enter::listen().map_err(Failure::failed)?) } else { None },
     };
     let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
+    let assumed = assumed(args, &model);
     let announcement = |place: &dyn Display| {
         format!(
-            "{} at {link}{} on {place}, station{} {}\n",
+            "{assumed}{} at {link}{} on {place}, station{} {}\n",
             model.id,
             if framing == Framing::Ascii { " ascii" } else { "" },
             if args.stations.len() == 1 { "" } else { "s" },
@@ -150,12 +151,19 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
 
 /// The settings of the line, if a drive of `model` supports its framing and data bits.
 fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings, Failure> {
-    let factory = model.link.default.value;
+    let factory = model.link.played();
     let data_bits = args.data_bits.unwrap_or(factory.data_bits);
     if !model.link.framings.value.contains(&framing) {
         let has: Vec<_> = model.link.framings.value.iter().map(|framing| word_for(&FRAMINGS, framing)).collect();
         let what = format!("{} has no framing {}, only {}", model.id, word_for(&FRAMINGS, &framing), has.join(", "));
         return Err(Failure::wrong(what));
+    }
+    if framing == Framing::Rtu && data_bits != 8 && args.data_bits.is_none() {
+        return Err(Failure::wrong(format!(
+            "{} leaves the factory with ASCII frames at {factory}: add `--framing ascii`; or, as set by hand to RTU, \
+             `--data-bits 8` with `--parity` and `--stop-bits`",
+            model.id
+        )));
     }
     if framing == Framing::Rtu && data_bits != 8 {
         return Err(Failure::wrong("RTU frames need 8 data bits; 7 go with `--framing ascii`"));
@@ -173,6 +181,18 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
         }),
         stop_bits: args.stop_bits.unwrap_or(factory.stop_bits),
     })
+}
+
+/// What is said first where a setting was chosen that no document gives.
+fn assumed(args: &Args, model: &Model) -> String {
+    let all_given = args.baud.is_some() && args.parity.is_some() && args.stop_bits.is_some();
+    match &model.link.default.value {
+        Factory::Ask(text) if !all_given => format!(
+            "no factory setting of {} is known ({text}); without --baud, --parity and --stop-bits, usual ones are taken\n",
+            model.id
+        ),
+        _ => String::new(),
+    }
 }
 
 fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings) -> SimBus {
@@ -241,5 +261,34 @@ impl Trips {
             self.next = Some(due + every);
         }
         is_due
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn settings(words: &str) -> Result<String, String> {
+        let args = Line::parse_from(words.split(' ')).args;
+        let model = input::model(&args.model, &args.own).unwrap_or_else(|failure| panic!("{failure}"));
+        let framing = if matches!(args.framing, FramingArg::Ascii) { Framing::Ascii } else { Framing::Rtu };
+        link_of(&args, &model, framing).map(|link| link.to_string()).map_err(|failure| failure.to_string())
+    }
+
+    #[test]
+    fn a_drive_with_ascii_frames_from_the_factory_says_what_to_add() {
+        assert_eq!(settings("simulate --model delta-vfd-el --framing ascii"), Ok("9600 7N2".to_owned()));
+        let told = settings("simulate --model delta-vfd-el").unwrap_err();
+        assert!(told.contains("ASCII frames at 9600 7N2: add `--framing ascii`; or"), "{told}");
+        assert_eq!(settings("simulate --model delta-vfd-el --data-bits 8"), Ok("9600 8N2".to_owned()));
+        let told = settings("simulate --model hyundai-n700 --data-bits 7").unwrap_err();
+        assert!(told.contains("7 go with `--framing ascii`"), "{told}");
     }
 }

@@ -143,7 +143,7 @@ const fn refused(section: Section, name: &'static str, instead: &'static str) ->
     NotServed { section, name, instead }
 }
 
-const FACTORY: Option<&str> = Some("the factory setting that the models of the line share");
+const FACTORY: Option<&str> = Some("the factory setting that the models of the line share, if there is one");
 /// Every supported key, in the usual order of a file.
 #[rustfmt::skip]
 pub const KEYS: &[Key] = &[
@@ -164,7 +164,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Line, "name", "name", None, "The name of the line; unique among the lines."),
     key(Section::Line, "port", "absolute path, or \"tcp://host:port\"", None, "The serial device (preferably by id), a pseudo-terminal, or a serial device server that forwards the frames."),
     key(Section::Line, "baud", "bit/s", FACTORY, "Speed; every drive of the line must be set to it."),
-    key(Section::Line, "data_bits", "7 or 8", Some("8"), "Data bits of a character; 8 with RTU framing."),
+    key(Section::Line, "data_bits", "7 or 8", Some("8; with ASCII framing the factory setting"), "Data bits of a character; 8 with RTU framing."),
     key(Section::Line, "parity", "\"none\", \"even\" or \"odd\"", FACTORY, "Parity bit of a character."),
     key(Section::Line, "stop_bits", "1 or 2", FACTORY, "Stop bits of a character."),
     key(Section::Line, "framing", "\"rtu\" or \"ascii\"", Some("\"rtu\""), "The framing of the line. Every model on the line must support it."),

@@ -3,7 +3,7 @@
 use super::file::{DriveFile, LineFile};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Link, Model};
+use crate::profile::model::{Factory, Link, Model};
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
 use crate::toml_file::{Location, OptionalKey};
 
@@ -27,10 +27,10 @@ pub(super) struct Settled {
 pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Problem>) -> Option<Settled> {
     let framing = choose(line, models, &line.framing, Framing::Rtu, &FRAMING, problems);
     let interface = choose(line, models, &line.interface, Interface::Rs485, &INTERFACE, problems);
-    let baud = setting(line, models, &line.baud, &BAUD, problems);
+    let baud = setting(line, models, framing, &line.baud, &BAUD, problems);
     let data_bits = data_bits(line, models, framing, problems);
-    let parity = setting(line, models, &line.parity, &PARITY, problems);
-    let stop_bits = setting(line, models, &line.stop_bits, &STOP_BITS, problems);
+    let parity = setting(line, models, framing, &line.parity, &PARITY, problems);
+    let stop_bits = setting(line, models, framing, &line.stop_bits, &STOP_BITS, problems);
     let link = LinkSettings { baud: baud?, data_bits: data_bits?, parity: parity?, stop_bits: stop_bits? };
     Some(Settled { link, framing: framing?, interface: interface? })
 }
@@ -42,8 +42,17 @@ fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, probl
             problems.push(written.location.problem("RTU frames need 8 data bits").right("8, or leave it out"));
             None
         }
-        (given, _) => choose(line, models, given, DEFAULT_DATA_BITS, &DATA_BITS, problems),
+        // RTU, or any framing with one choice only.
+        (OptionalKey::Absent, framing) if framing != Some(Framing::Ascii) || !matters(models) => {
+            choose(line, models, &line.data_bits, DEFAULT_DATA_BITS, &DATA_BITS.part, problems)
+        }
+        (given, framing) => setting(line, models, framing, given, &DATA_BITS, problems),
     }
+}
+
+/// Whether a drive of the line may be set to other data bits than the default.
+fn matters(models: &[OnLine]) -> bool {
+    models.iter().any(|on_line| on_line.model.link.data_bits.value.iter().any(|bits| *bits != DEFAULT_DATA_BITS))
 }
 
 /// One part of the link settings, and the place of its allowed values in a model.
@@ -57,7 +66,7 @@ struct LinkPart<T: 'static> {
 /// A part for which models have a factory setting.
 struct FactoryPart<T: 'static> {
     part: LinkPart<T>,
-    factory: fn(&LinkSettings) -> T,
+    factory: fn(LinkSettings) -> T,
 }
 
 const FRAMING: LinkPart<Framing> =
@@ -71,8 +80,10 @@ const BAUD: FactoryPart<u32> = FactoryPart {
     part: LinkPart { name: "baud", written: |it| it.to_string(), allowed: |link| &link.bauds.value },
     factory: |link| link.baud,
 };
-const DATA_BITS: LinkPart<u8> =
-    LinkPart { name: "data_bits", written: |it| it.to_string(), allowed: |link| &link.data_bits.value };
+const DATA_BITS: FactoryPart<u8> = FactoryPart {
+    part: LinkPart { name: "data_bits", written: |it| it.to_string(), allowed: |link| &link.data_bits.value },
+    factory: |link| link.data_bits,
+};
 const PARITY: FactoryPart<Parity> = FactoryPart {
     part: LinkPart {
         name: "parity",
@@ -106,12 +117,13 @@ fn choose<T: Copy + PartialEq>(
 fn setting<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
+    framing: Option<Framing>,
     given: &OptionalKey<T>,
     it: &FactoryPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
-        OptionalKey::Absent => shared_factory(line, models, it, problems),
+        OptionalKey::Absent => shared_factory(line, models, framing?, it, problems),
         OptionalKey::Invalid => None,
         OptionalKey::Valid(written) => possible(&written.location, models, written.value, &it.part, problems),
     }
@@ -140,20 +152,33 @@ fn possible<T: Copy + PartialEq>(
 fn shared_factory<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
+    framing: Framing,
     it: &FactoryPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     let (first, others) = models.split_first()?;
-    let factory = |on_line: &OnLine| (it.factory)(&on_line.model.link.default.value);
-    if others.iter().all(|other| factory(other) == factory(first)) {
-        return Some(factory(first));
+    let factory = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(it.factory);
+    let known = factory(first).filter(|_| others.iter().all(|other| factory(other) == factory(first)));
+    if known.is_some() {
+        return known;
     }
-    let each = models.iter().map(|on_line| format!("{} {}", on_line.model.id, (it.part.written)(factory(on_line))));
-    let what = format!(
-        "`{}` is left out, and the models of the line have different factory settings: {}",
-        it.part.name,
-        each.collect::<Vec<_>>().join(", ")
-    );
+    let each = models.iter().map(|on_line| match (factory(on_line), &on_line.model.link.default.value) {
+        (Some(value), _) => format!("{} {}", on_line.model.id, (it.part.written)(value)),
+        (None, Factory::Set(of_ascii)) => {
+            format!("{} leaves the factory with ASCII frames at {of_ascii}", on_line.model.id)
+        }
+        (None, Factory::Ask(text)) => format!("{}: {text}", on_line.model.id),
+    });
+    let each = each.collect::<Vec<_>>().join(", ");
+    let what = match models.iter().any(|on_line| factory(on_line).is_none()) {
+        true => format!("`{}` is left out, and no factory setting can be assumed: {each}", it.part.name),
+        false => {
+            format!(
+                "`{}` is left out, and the models of the line have different factory settings: {each}",
+                it.part.name
+            )
+        }
+    };
     problems.push(line.location.missing(it.part.name).problem(what).right(advice(first, others, &it.part)));
     None
 }

@@ -168,7 +168,7 @@ fn printed_broadcasts_stop_every_drive_and_none_answers() {
         let is_it = |pair: &Value| text(pair, "drive") == drive && text(pair, "request").starts_with("00 ");
         let printed = all.into_iter().flatten().find(is_it).unwrap();
         let model = model(model_of(drive).unwrap());
-        let mut bus = SimBus::new(model.link.default.value, UNPACED, 0);
+        let mut bus = SimBus::new(model.link.played(), UNPACED, 0);
         for station in [1, 2] {
             bus.connect(Station(station), SimDrive::new(model.clone(), DriveOptions::default()));
             for (address, value) in [setpoint, run] {

@@ -42,7 +42,7 @@ fn refusing() -> Arc<Model> {
 }
 
 fn options(model: Arc<Model>, bad_request: BadRequest) -> RigOptions {
-    RigOptions { link: model.link.default.value, model, bad_request, ..RigOptions::default() }
+    RigOptions { link: model.link.played(), model, bad_request, ..RigOptions::default() }
 }
 
 /// The functions of the frames sent so far.

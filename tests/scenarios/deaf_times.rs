@@ -15,7 +15,7 @@ const SECOND: Duration = Duration::from_secs(1);
 fn a_drive_that_was_switched_on_again_is_met_soon_after_it_can_hear() {
     let model = model("toshiba-vf-as1");
     let deaf = model.quirks.deaf_after_power_up.as_ref().expect("it is deaf for a while").value;
-    let options = RigOptions { link: model.link.default.value, model, poll: SECOND / 10, ..RigOptions::default() };
+    let options = RigOptions { link: model.link.played(), model, poll: SECOND / 10, ..RigOptions::default() };
     for off in [50, 200, 350] {
         let mut rig = Rig::new(&options);
         let lost = rig.now;
@@ -38,7 +38,7 @@ fn a_drive_that_was_switched_on_again_is_met_soon_after_it_can_hear() {
 #[test]
 fn a_drive_that_stays_away_is_asked_less_and_less_all_the_same() {
     let model = model("toshiba-vf-as1");
-    let options = RigOptions { link: model.link.default.value, model, poll: SECOND / 10, ..RigOptions::default() };
+    let options = RigOptions { link: model.link.played(), model, poll: SECOND / 10, ..RigOptions::default() };
     let mut rig = Rig::new(&options);
     let now = rig.now;
     rig.bus.set_powered(now, Station(1), false);
@@ -86,7 +86,7 @@ fn only_a_drive_that_may_be_deaf_is_asked_so_often() {
     let mut without = Model::clone(&model("toshiba-vf-as1"));
     without.quirks.deaf_after_power_up = None;
     let frames_in_two_seconds = |model: Arc<Model>| {
-        let options = RigOptions { link: model.link.default.value, model, poll: SECOND / 10, ..RigOptions::default() };
+        let options = RigOptions { link: model.link.played(), model, poll: SECOND / 10, ..RigOptions::default() };
         let mut rig = Rig::new(&options);
         let now = rig.now;
         rig.bus.set_powered(now, Station(1), false);

@@ -122,7 +122,7 @@ struct Walk {
 impl Walk {
     fn new(seed: u64, plan: &BurstPlan) -> Self {
         let mut rng = Rng::with_seed(seed ^ 0xB0B5);
-        let link = LinkSettings { ..plan.model.link.default.value };
+        let link = LinkSettings { ..plan.model.link.played() };
         let options = BusOptions { turnaround: plan.turnaround, delivery: Delivery::Replies, ..BusOptions::default() };
         let mut bus = SimBus::new(link, options, rng.u64(..));
         bus.set_echoes(plan.echoes);

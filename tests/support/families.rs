@@ -100,7 +100,7 @@ pub fn options_of(model: &Arc<Model>, control: ControlSettings) -> RigOptions {
     let framing = if is_ascii { Framing::Ascii } else { Framing::Rtu };
     RigOptions {
         model: Arc::clone(model),
-        link: model.link.default.value,
+        link: model.link.played(),
         bus: BusOptions { framing, ..BusOptions::default() },
         control: Some(control),
         poll: Duration::from_millis(500),

@@ -55,7 +55,7 @@ pub(super) fn lines() -> Vec<Line> {
             }
             None => {
                 let name = format!("line-{}", lines.len() + 1);
-                let link = drive.model.link.default.value;
+                let link = drive.model.link.played();
                 lines.push(Line { name, link, drives: vec![drive] });
             }
         }

@@ -37,7 +37,8 @@ pub struct Args {
     /// Stations to ask, such as 1-32 or 1,3,7-9
     #[arg(long, value_name = "NUMBERS", default_value = "1-32", value_parser = parsed_stations)]
     stations: Stations,
-    /// Try every speed, parity and number of stop bits that a drive can be set to, not only factory settings. Takes long;
+    /// Try every speed, parity and number of stop bits that a drive can be set to, not only factory settings, or a usual one where a
+    /// model has no known factory setting. Takes long;
     /// the expected time is printed first
     #[arg(long)]
     all_settings: bool,

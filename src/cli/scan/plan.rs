@@ -187,7 +187,8 @@ impl Setting {
 }
 
 fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
-    let factory = model.link.default.value;
+    // Where nobody knows it, a drive is looked for at one usual setting: at all of them it would cost minutes per model.
+    let factory = model.link.played();
     match framing {
         Framing::Rtu => factory == link,
         // Data bits that only ASCII frames can have are not a factory setting.
@@ -213,8 +214,8 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<Lin
     };
     let mut factory: Vec<LinkSettings> = Vec::new();
     for model in models {
-        let of_model =
-            data_bits.iter().map(|data_bits| LinkSettings { data_bits: *data_bits, ..model.link.default.value });
+        let known = model.link.played();
+        let of_model = data_bits.iter().map(|data_bits| LinkSettings { data_bits: *data_bits, ..known });
         let new = of_model.filter(|link| may_be_set(model, *link) && is_wanted(link));
         factory.extend(new.filter(|link| !factory.contains(link)).collect::<Vec<_>>());
     }

@@ -41,7 +41,7 @@ pub(super) struct Simulated {
 
 impl Simulated {
     pub(super) fn new(model: &Arc<Model>, stations: &[u8], faults: FaultPlan) -> Self {
-        let link = model.link.default.value;
+        let link = model.link.played();
         let options = BusOptions { faults, turnaround: Duration::from_millis(8), ..BusOptions::default() };
         let mut bus = SimBus::new(link, options, 1);
         for station in stations {
@@ -196,7 +196,7 @@ fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
         for drive in &findings.drives {
             let is_named = drive.verdict.fits.iter().any(|(fit, _)| fit.id == model.id);
             assert!(is_named, "{} at station {}: {:?}", model.id, drive.station, drive.verdict.word());
-            assert_eq!(plan.settings[drive.setting].link, model.link.default.value);
+            assert_eq!(plan.settings[drive.setting].link, model.link.played());
         }
         // What nobody can read from the drive is left to its owner.
         let text = configuration(&plan, &findings).replace("# full_scale_hz =", "full_scale_hz = 50");
@@ -240,16 +240,32 @@ fn the_factory_settings_are_those_of_the_models() {
     let plan = factory_plan("1");
     let links: Vec<_> = plan.settings.iter().map(|setting| setting.link.to_string()).collect();
     let expected =
-        ["4800 8N1", "9600 8N1", "9600 8E1", "9600 8N2", "19200 8N1", "19200 8E1", "19200 8N2", "115200 8N1"];
+        ["4800 8N1", "9600 8N1", "9600 8N2", "19200 8N1", "19200 8E1", "19200 8N2", "115200 8N1"];
     assert_eq!(links, expected);
     for setting in &plan.settings {
-        let factory: Vec<_> = models().into_iter().filter(|it| it.link.default.value == setting.link).collect();
+        let factory: Vec<_> = models().into_iter().filter(|it| it.link.played() == setting.link).collect();
         for model in &factory {
             let answers = |probe: &Probe| model.readable_at(probe.address).is_some() || !model.exceptions.is_empty();
             assert!(setting.probes.iter().any(answers), "{} at {}", model.id, setting.link);
         }
         assert!(setting.probes.len() <= factory.len());
     }
+}
+
+/// Its factory setting is nobody's to know: a usual one is tried, and all others on request.
+#[test]
+fn a_model_without_a_factory_setting_is_looked_for_at_a_usual_one() {
+    let v20 = model("siemens-v20");
+    assert_eq!(v20.link.factory(), None);
+    let links = |everything| {
+        let wish = ScanOptions { everything, ..ScanOptions::default() };
+        Plan::new(&[Arc::clone(&v20)], vec![1], &wish).settings.iter().map(|it| it.link.to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(links(false), ["9600 8N1"]);
+    let of_model = &v20.link;
+    let all = of_model.bauds.value.len() * of_model.parities.value.len() * of_model.stop_bits.value.len();
+    assert_eq!(links(true).len(), all);
+    assert!(links(true).contains(&"9600 8E1".to_owned()) && links(true).contains(&"38400 8E1".to_owned()));
 }
 
 #[test]
@@ -274,7 +290,8 @@ fn everything_else_is_tried_on_request_and_behind_the_factories() {
     let ascii = Plan::new(&models(), vec![1], &ScanOptions { is_ascii: true, ..ScanOptions::default() });
     let takes_ascii = |model: &Arc<Model>| model.link.framings.value.contains(&Framing::Ascii);
     assert!(ascii.settings.iter().all(|it| it.candidates.iter().all(takes_ascii)));
-    assert!(!ascii.settings.is_empty());
+    let of_delta = ascii.settings.iter().find(|it| it.link.to_string() == "9600 7N2");
+    assert!(of_delta.unwrap().candidates.iter().any(|model| model.id == "delta-vfd-el"));
 }
 
 #[test]

@@ -359,9 +359,10 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
 fn every_built_in_model_names_the_line_with_which_it_takes_orders() {
     let catalog = crate::vendors::catalog();
     for id in catalog.ids() {
-        let unproven = !catalog.find(id).unwrap().unproven_basics().is_empty();
+        let model = catalog.find(id).unwrap();
+        let unproven = !model.unproven_basics().is_empty();
         let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
-        let full_scale = if catalog.find(id).unwrap().needs_full_scale() { "\nfull_scale_hz = 50.0" } else { "" };
+        let full_scale = if model.needs_full_scale() { "\nfull_scale_hz = 50.0" } else { "" };
         let drive = format!("model = '{id}'\nstation = 1{full_scale}");
         let text = with(&text, "model = \"hyundai-n700\"\nstation = 1", &drive);
         let line = "accept_unverified = [\"basic\"]";

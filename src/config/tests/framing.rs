@@ -52,6 +52,55 @@ fn ascii_is_served_where_every_model_has_it() {
     );
 }
 
+/// `acme-text` and a model that begins from it with another factory setting.
+fn with_default(default: &str) -> Catalog {
+    let like = format!(
+        "id = 'acme-other'\nvendor = 'Acme'\ntitle = 'Other'\nlike = 'acme-text'\n[documents]\nB = 'B'\n[link]\n\
+         default = {{ {default}, confidence = 'manual', source = 'B 1' }}\n\
+         stop_bits = {{ value = [1, 2], confidence = 'manual', source = 'B 1' }}\n\
+         parities = {{ value = ['none', 'even'], confidence = 'manual', source = 'B 1' }}\n"
+    );
+    catalog().with_texts([("acme-other.toml", like.as_str())]).unwrap()
+}
+
+#[track_caller]
+fn told(catalog: &Catalog, keys: &str, expected: &[&str]) {
+    let problems = load(&line(keys, &["acme-other"]), catalog).expect_err(keys);
+    let told = |it: &Problem| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"));
+    assert_eq!(problems.iter().map(told).collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn what_no_factory_setting_says_must_be_stated() {
+    let asks = with_default("ask = 'P2010, P2034 and P2035'");
+    let left_out = "is left out, and no factory setting can be assumed: acme-other: P2010, P2034 and P2035";
+    let speed = format!("line[0].baud: `baud` {left_out}; add `baud`, and set it on every drive: one of 9600, 19200");
+    let parity = format!(
+        "line[0].parity: `parity` {left_out}; add `parity`, and set it on every drive: one of \"none\", \"even\""
+    );
+    let stops =
+        format!("line[0].stop_bits: `stop_bits` {left_out}; add `stop_bits`, and set it on every drive: one of 1, 2");
+    told(&asks, "", &[&speed, &parity, &stops]);
+    let stated = "baud = 9600\nparity = 'even'\nstop_bits = 1";
+    let bits =
+        format!("line[0].data_bits: `data_bits` {left_out}; add `data_bits`, and set it on every drive: one of 7, 8");
+    told(&asks, &format!("framing = 'ascii'\n{stated}"), &[&bits]);
+    let config = load(&line(stated, &["acme-other"]), &asks).unwrap();
+    assert_eq!(config.lines[0].link.to_string(), "9600 8E1");
+}
+
+#[test]
+fn the_factory_setting_of_an_ascii_drive_is_none_of_an_rtu_line() {
+    let ascii = with_default("baud = 9600, data_bits = 7, parity = 'none', stop_bits = 2");
+    let config = load(&line("framing = 'ascii'", &["acme-other"]), &ascii).unwrap();
+    assert_eq!(config.lines[0].link.to_string(), "9600 7N2");
+    let left_out = "is left out, and no factory setting can be assumed: acme-other leaves the factory with ASCII frames \
+                    at 9600 7N2; add";
+    let stops =
+        format!("line[0].stop_bits: `stop_bits` {left_out} `stop_bits`, and set it on every drive: one of 1, 2");
+    told(&ascii, "baud = 9600\nparity = 'none'", &[&stops]);
+}
+
 #[test]
 fn seven_data_bits_need_ascii_and_every_model() {
     let rtu = "line[0].data_bits: RTU frames need 8 data bits; 8, or leave it out";

@@ -61,6 +61,8 @@ fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
 
 #[cfg(test)]
 mod tests {
+    use crate::domain::link::Framing;
+    use crate::profile::check::model;
     use crate::profile::testing::{each_is_told, each_mistake_is_told};
 
     #[test]
@@ -99,6 +101,32 @@ mod tests {
                 "link.default.baud: the default is not a supported setting -> \
                  one of `link.bauds`, or add it there if the manual names it",
             ),
+            (
+                "default = { baud = 19200, data_bits = 8, parity = \"even\", stop_bits = 1",
+                "default = { ask = \"P12 and P13\", baud = 19200",
+                "link.default.baud: `ask` says that nobody knows the factory setting, `baud` what it is -> \
+                 one of both: leave out `ask`, or the setting",
+            ),
+            (
+                "default = { baud = 19200, data_bits = 8, parity = \"even\", stop_bits = 1",
+                "default = { ask = \" \"",
+                "link.default.ask: ` ` is not valid -> what to read at the drive's panel, not empty",
+            ),
         ]);
+    }
+
+    #[test]
+    fn seven_data_bits_may_be_the_factory_setting_and_none_may_be_known() {
+        let text = include_str!("../../../tests/golden/models/everything.toml");
+        let known = "baud = 19200, data_bits = 8, parity = \"even\", stop_bits = 1";
+        assert!(text.contains(known));
+        let of_ascii =
+            model(&text.replace(known, "baud = 9600, data_bits = 7, parity = \"none\", stop_bits = 2")).unwrap().link;
+        let settings = of_ascii.factory_with(Framing::Ascii).map(|it| it.to_string());
+        assert_eq!((settings.as_deref(), of_ascii.factory_with(Framing::Rtu)), (Some("9600 7N2"), None));
+        let unknown = model(&text.replace(known, "ask = \"P12 and P13\"")).unwrap().link;
+        assert_eq!((unknown.factory(), unknown.asks()), (None, Some("P12 and P13")));
+        assert_eq!(unknown.played().to_string(), "9600 8N1");
+        assert_eq!(unknown.default.value.to_string(), "read at the drive: P12 and P13");
     }
 }

@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn a_sound_file_is_a_model() {
         let model = model(MODEL).unwrap();
-        assert_eq!(model.link.default.value, LinkSettings::DEFAULT);
+        assert_eq!(model.link.factory(), Some(LinkSettings::DEFAULT));
         assert_eq!(model.link.stations.value, 1..=247);
         assert_eq!(model.timing.max_lateness.value, Duration::from_secs(1));
         assert_eq!(model.timing.max_lateness.confidence, Confidence::Default);

@@ -257,6 +257,6 @@ pub(super) fn filled_with<T>(
     Some(list)
 }
 
-fn filled(text: &str) -> Option<String> {
+pub(super) fn filled(text: &str) -> Option<String> {
     Some(text.trim().to_owned()).filter(|text| !text.is_empty())
 }

@@ -1,11 +1,11 @@
 //! `[link]` and `[timing]`: line settings and timing.
 
-use super::facts::{FactFile, Facts, filled_list, optional, whole};
+use super::facts::{FactFile, Facts, filled, filled_list, optional, whole};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
-use crate::profile::model::{Broadcast, Link, Timing};
+use crate::profile::model::{Broadcast, Factory, Link, Timing};
 use crate::toml_file::values::Kind;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES};
-use crate::toml_file::{Reader, RequiredKey};
+use crate::toml_file::{OptionalKey, Reader, RequiredKey};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -67,8 +67,9 @@ impl LinkFile {
     }
 }
 
-/// `link.default`
+/// `link.default`: a setting, or what to read at the drive.
 pub(in crate::profile) struct DefaultFile {
+    ask: OptionalKey<String>,
     pub baud: RequiredKey<u32>,
     pub data_bits: RequiredKey<u8>,
     pub parity: RequiredKey<Parity>,
@@ -77,22 +78,44 @@ pub(in crate::profile) struct DefaultFile {
 
 impl DefaultFile {
     fn read(reader: &mut Reader<'_, '_>) -> Self {
+        let right = "what to read at the drive's panel, not empty";
+        let ask = reader.optional("ask", &Kind::parsed(right, filled));
+        let asks = !matches!(ask, OptionalKey::Absent);
         Self {
-            baud: reader.required("baud", &Kind::number(BAUDS)),
-            data_bits: reader.required("data_bits", &Kind::number(7..=8_u8)),
-            parity: reader.required("parity", &Kind::one_of(&PARITIES)),
-            stop_bits: reader.required("stop_bits", &Kind::number(1..=2_u8)),
+            baud: unless(asks, reader, "baud", &Kind::number(BAUDS)),
+            data_bits: unless(asks, reader, "data_bits", &Kind::number(7..=8_u8)),
+            parity: unless(asks, reader, "parity", &Kind::one_of(&PARITIES)),
+            stop_bits: unless(asks, reader, "stop_bits", &Kind::number(1..=2_u8)),
+            ask,
         }
     }
 
-    fn ready(&self) -> Option<LinkSettings> {
-        Some(LinkSettings {
+    fn ready(&self) -> Option<Factory> {
+        match &self.ask {
+            OptionalKey::Absent => {}
+            OptionalKey::Invalid => return None,
+            OptionalKey::Valid(text) => return Some(Factory::Ask(text.value.clone())),
+        }
+        Some(Factory::Set(LinkSettings {
             baud: self.baud.as_ref()?.value,
             data_bits: self.data_bits.as_ref()?.value,
             parity: self.parity.as_ref()?.value,
             stop_bits: self.stop_bits.as_ref()?.value,
-        })
+        }))
     }
+}
+
+/// The part `key` of a factory setting, which has no place beside `ask`.
+fn unless<T>(asks: bool, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> RequiredKey<T> {
+    if !asks {
+        return reader.required(key, kind);
+    }
+    if let OptionalKey::Valid(given) = reader.optional(key, kind) {
+        let problem =
+            given.location.problem(format!("`ask` says that nobody knows the factory setting, `{key}` what it is"));
+        reader.problems().push(problem.right("one of both: leave out `ask`, or the setting"));
+    }
+    None
 }
 
 /// `link.stations`

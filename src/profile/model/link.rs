@@ -9,7 +9,7 @@ use std::time::Duration;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
     /// Factory settings.
-    pub default: Fact<LinkSettings>,
+    pub default: Fact<Factory>,
     /// Speeds in bit/s that can be configured.
     pub bauds: Fact<Vec<u32>>,
     /// Parities that can be configured.
@@ -26,6 +26,67 @@ pub struct Link {
     pub stations: Fact<RangeInclusive<u8>>,
     /// Broadcast, if it is documented.
     pub broadcast: Option<Broadcast>,
+}
+
+/// How a drive is set when it leaves the factory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Factory {
+    /// To this.
+    Set(LinkSettings),
+    /// Nobody can say: what to read at the drive's panel.
+    Ask(String),
+}
+
+impl Link {
+    /// The factory settings; `None` if they must be read at the drive.
+    #[must_use]
+    pub const fn factory(&self) -> Option<LinkSettings> {
+        match self.default.value {
+            Factory::Set(settings) => Some(settings),
+            Factory::Ask(_) => None,
+        }
+    }
+
+    /// The same with this framing: RTU frames are bytes, so 7 data bits are the setting of a drive with ASCII frames.
+    #[must_use]
+    pub fn factory_with(&self, framing: Framing) -> Option<LinkSettings> {
+        self.factory().filter(|settings| framing == Framing::Ascii || settings.data_bits == 8)
+    }
+
+    /// What to read at the drive's panel, where there are no known factory settings.
+    #[must_use]
+    pub fn asks(&self) -> Option<&str> {
+        match &self.default.value {
+            Factory::Set(_) => None,
+            Factory::Ask(text) => Some(text),
+        }
+    }
+
+    /// The settings of a drive that is only played: those of the factory, or else the usual ones, and the first of its
+    /// list where a usual one cannot be set.
+    #[must_use]
+    pub fn played(&self) -> LinkSettings {
+        let usual = LinkSettings::DEFAULT;
+        self.factory().unwrap_or_else(|| LinkSettings {
+            baud: usual_or_first(usual.baud, &self.bauds.value),
+            data_bits: usual_or_first(usual.data_bits, &self.data_bits.value),
+            parity: usual_or_first(usual.parity, &self.parities.value),
+            stop_bits: usual_or_first(usual.stop_bits, &self.stop_bits.value),
+        })
+    }
+}
+
+fn usual_or_first<T: Copy + PartialEq>(usual: T, list: &[T]) -> T {
+    if list.contains(&usual) { usual } else { list.first().copied().unwrap_or(usual) }
+}
+
+impl std::fmt::Display for Factory {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Set(settings) => settings.fmt(f),
+            Self::Ask(text) => write!(f, "read at the drive: {text}"),
+        }
+    }
 }
 
 /// A documented broadcast.

@@ -22,7 +22,7 @@ pub use document::{Document, DocumentKind};
 pub use evidence::SecondSource;
 pub use form::{Addend, Basis, Form, FullScale, ScaleBy, Whole, WordOrder};
 pub use groups::{Group, NUMBERS_MAX};
-pub use link::{Broadcast, Link, Timing};
+pub use link::{Broadcast, Factory, Link, Timing};
 pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetStep, ResetWrite};
 pub use parameter::ParameterKind;
 pub use read::{Boundary, Holes, ReadArea, ReadLimits};

@@ -71,11 +71,21 @@ pub(super) const LINE: &[Section] = &[
         table: "link",
         says: "The serial line: what can be set at the drive.",
         keys: &[
-            ("default", "", "The factory setting."),
-            ("default.baud", "", "Speed in bit/s."),
-            ("default.data_bits", "", "Data bits."),
-            ("default.parity", "", "Parity."),
-            ("default.stop_bits", "", "Stop bits."),
+            (
+                "default",
+                "",
+                "The factory setting, or `ask` alone where it differs by edition or no document states it.",
+            ),
+            (
+                "default.ask",
+                "",
+                "What to read at the drive's panel. A configuration must then state `baud`, `parity` and `stop_bits` of the \
+                 line, and `data_bits` with ASCII frames.",
+            ),
+            ("default.baud", "required without `ask`", "Speed in bit/s."),
+            ("default.data_bits", "required without `ask`", "Data bits; 7 is a factory setting of ASCII frames."),
+            ("default.parity", "required without `ask`", "Parity."),
+            ("default.stop_bits", "required without `ask`", "Stop bits."),
             ("bauds", "", "The speeds in bit/s that can be set."),
             ("parities", "", "The parities that can be set."),
             ("stop_bits", "", "The stop bits that can be set."),

@@ -14,7 +14,7 @@ pub(super) fn link(link: &Link) -> Vec<Row> {
     let interfaces = link.interfaces.value.iter().map(|interface| word_for(&INTERFACES, interface));
     let stations = &link.stations.value;
     let mut rows = vec![
-        row("factory setting", link.default.value, &link.default),
+        row("factory setting", &link.default.value, &link.default),
         row("speeds", format!("{} bit/s", list(&link.bauds.value)), &link.bauds),
         row("data bits", list(&link.data_bits.value), &link.data_bits),
         row("parities", list(parities), &link.parities),

@@ -7,7 +7,7 @@ use crate::domain::units::UnitOfMeasure::{
 };
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, SecondSource};
-use crate::profile::model::{Boundary, RefusedWrite};
+use crate::profile::model::{Boundary, Factory, RefusedWrite};
 
 fn fr500a() -> Arc<Model> {
     model("frecon-fr500a")
@@ -185,7 +185,10 @@ fn the_link_is_that_of_the_manual() {
     let model = fr500a();
     let link = &model.link;
     // The appendix says 8N1; the table of parameters, which the drive follows, 8N2.
-    assert_eq!(parts(&link.default), (LinkSettings { stop_bits: 2, ..LinkSettings::DEFAULT }, SecondSource));
+    assert_eq!(
+        parts(&link.default),
+        (Factory::Set(LinkSettings { stop_bits: 2, ..LinkSettings::DEFAULT }), SecondSource)
+    );
     assert!(link.default.source.contains("8N1"));
     assert_eq!(parts(&link.bauds), (vec![4800, 9600, 19_200, 38_400, 57_600, 115_200], SecondSource));
     assert_eq!(parts(&link.parities), (vec![Parity::None, Parity::Even, Parity::Odd], SecondSource));

@@ -6,7 +6,7 @@ use crate::domain::units::UnitOfMeasure::{Ampere, Hertz, Hour, None as Plain, Se
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Reset, RunForward, RunReverse};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling};
-use crate::profile::model::{Boundary, CodeRule, Quirks, RefusedWrite};
+use crate::profile::model::{Boundary, CodeRule, Factory, Quirks, RefusedWrite};
 use crate::profile::register::{extra_register, with_extra};
 use crate::toml_file::document;
 
@@ -109,7 +109,7 @@ fn registers_have_their_uses() {
 fn the_link_is_that_of_the_manual() {
     let model = n100plus();
     let link = &model.link;
-    assert_eq!(parts(&link.default), (LinkSettings::DEFAULT, Inferred));
+    assert_eq!(parts(&link.default), (Factory::Set(LinkSettings::DEFAULT), Inferred));
     assert_eq!(parts(&link.bauds), (vec![9600], Manual));
     assert_eq!(parts(&link.parities), (vec![Parity::None, Parity::Even, Parity::Odd], Manual));
     assert_eq!(parts(&link.stop_bits), (vec![1], Manual));

@@ -4,7 +4,7 @@ use super::*;
 use crate::domain::units::UnitOfMeasure::{Ampere, Hertz, None as Plain, Second, Volt};
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, SecondSource};
-use crate::profile::model::{Boundary, RefusedWrite};
+use crate::profile::model::{Boundary, Factory, RefusedWrite};
 
 fn n700() -> Arc<Model> {
     model("hyundai-n700")
@@ -72,7 +72,7 @@ fn n700_registers_have_their_uses() {
 #[test]
 fn n700_link_is_that_of_the_manual() {
     let link = &n700().link;
-    assert_eq!(parts(&link.default), (LinkSettings::DEFAULT, Manual));
+    assert_eq!(parts(&link.default), (Factory::Set(LinkSettings::DEFAULT), Manual));
     assert_eq!(parts(&link.bauds), (vec![2400, 4800, 9600, 19_200, 38_400], Manual));
     assert_eq!(parts(&link.parities), (vec![Parity::None, Parity::Even, Parity::Odd], Manual));
     assert_eq!(parts(&link.stop_bits), (vec![1, 2], Manual));

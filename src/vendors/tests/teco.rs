@@ -6,7 +6,7 @@ use crate::domain::units::UnitOfMeasure::{Ampere, Celsius, Hertz, Kilowatt, None
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Other, Reset, Reverse, Run, Trip};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, SecondSource, Sibling, ThirdParty};
-use crate::profile::model::{Boundary, RefusedWrite};
+use crate::profile::model::{Boundary, Factory, RefusedWrite};
 
 fn e510() -> Arc<Model> {
     model("teco-e510")
@@ -152,8 +152,8 @@ fn registers_have_their_uses() {
 fn the_link_is_that_of_the_sheet() {
     let (e510, e510s) = (e510(), e510s());
     let factory = LinkSettings { baud: 19_200, ..LinkSettings::DEFAULT };
-    assert_eq!(parts(&e510.link.default), (factory, ThirdParty));
-    assert_eq!(parts(&e510s.link.default), (factory, Sibling));
+    assert_eq!(parts(&e510.link.default), (Factory::Set(factory), ThirdParty));
+    assert_eq!(parts(&e510s.link.default), (Factory::Set(factory), Sibling));
     for (model, codes) in [(&e510, Sibling), (&e510s, SecondSource)] {
         let link = &model.link;
         assert_eq!(parts(&link.bauds), (vec![4800, 9600, 19_200, 38_400], codes));

@@ -5,7 +5,7 @@ use crate::domain::units::UnitOfMeasure::{Hertz, None as Plain, Percent, Rpm, Se
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{BusFrequency, BusRun, Coast, Jog, Other, Reset, Reverse, Run, Trip};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling, ThirdParty};
-use crate::profile::model::{BitMeaning, CodeRule, RefusedWrite};
+use crate::profile::model::{BitMeaning, CodeRule, Factory, RefusedWrite};
 
 fn as1() -> Arc<Model> {
     model("toshiba-vf-as1")
@@ -206,7 +206,7 @@ fn the_link_is_that_of_the_manuals() {
     let even = LinkSettings { baud: 19_200, data_bits: 8, parity: Parity::Even, stop_bits: 1 };
     for (model, of_the_s15) in [(as1(), Sibling), (s15(), Manual)] {
         let link = &model.link;
-        assert_eq!(parts(&link.default), (even, Manual));
+        assert_eq!(parts(&link.default), (Factory::Set(even), Manual));
         assert_eq!(parts(&link.bauds), (vec![9600, 19_200, 38_400], Manual));
         assert_eq!(parts(&link.parities), (vec![Parity::Even, Parity::Odd, Parity::None], Manual));
         assert_eq!(parts(&link.stop_bits), (vec![1, 2], Manual));
