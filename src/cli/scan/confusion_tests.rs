@@ -28,7 +28,7 @@ fn names(verdict: &Verdict) -> Vec<&str> {
 /// The setting that a drive of `model` has when it is new, or can be set to if that one is not of RTU frames.
 fn plan_for(all: &Plan, model: &Model) -> Plan {
     let has = |setting: &&Setting| setting.candidates.iter().any(|it| it.id == model.id);
-    let is_factory = |setting: &&Setting| setting.link == model.link.default.value;
+    let is_factory = |setting: &&Setting| setting.link == model.link.played();
     let setting = all.settings.iter().find(is_factory).or_else(|| all.settings.iter().find(has)).unwrap();
     Plan { settings: vec![setting.clone()], stations: vec![1] }
 }

@@ -182,7 +182,8 @@ impl Setting {
 
     fn exchange(&self, wait: Duration) -> Duration {
         let timing = self.timing();
-        timing.on_wire(timing.adu_bytes(REQUEST_PDU_BYTES)) * 2 + wait + timing.silence
+        // The line is silent before the request and again after the wait.
+        timing.on_wire(timing.adu_bytes(REQUEST_PDU_BYTES)) * 2 + wait + timing.silence * 2
     }
 }
 

@@ -239,8 +239,7 @@ fn nobody_answering_takes_what_was_said() {
 fn the_factory_settings_are_those_of_the_models() {
     let plan = factory_plan("1");
     let links: Vec<_> = plan.settings.iter().map(|setting| setting.link.to_string()).collect();
-    let expected =
-        ["4800 8N1", "9600 8N1", "9600 8N2", "19200 8N1", "19200 8E1", "19200 8N2", "115200 8N1"];
+    let expected = ["4800 8N1", "9600 8N1", "9600 8N2", "19200 8N1", "19200 8E1", "19200 8N2", "115200 8N1"];
     assert_eq!(links, expected);
     for setting in &plan.settings {
         let factory: Vec<_> = models().into_iter().filter(|it| it.link.played() == setting.link).collect();
