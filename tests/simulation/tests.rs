@@ -481,17 +481,8 @@ fn m4_as_many_trips_are_told_as_there_were() {
     tripped().tells(1).holds();
     tripped().tells(2).violates("M4");
     tripped().tells(1).tells(1).violates("M4");
-    let shown = |trace: Trace| {
-        trace
-            .exchange(&COUNT, &ONE_TRIP)
-            .pass(6_000)
-            .exchange(&COUNT, &ONE_TRIP)
-            .pass(6_000)
-            .exchange(&COUNT, &ONE_TRIP)
-            .ends()
-    };
-    shown(tripped()).violates("M4");
-    shown(tripped().tells(1)).holds();
+    shows_a_count(tripped()).ends().violates("M4");
+    shows_a_count(tripped().tells(1)).ends().holds();
 }
 
 #[test]

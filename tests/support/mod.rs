@@ -466,7 +466,7 @@ impl Rig {
 
     /// The PDUs of all writes so far.
     pub fn writes(&self) -> Vec<Vec<u8>> {
-        let writes = self.sent.iter().filter(|sent| matches!(sent.pdu.first(), Some(6 | 0x10)));
+        let writes = self.sent.iter().filter(|sent| matches!(sent.pdu.first(), Some(5 | 6 | 0x0F | 0x10)));
         writes.map(|sent| sent.pdu.clone()).collect()
     }
 
