@@ -79,8 +79,9 @@ fn model(args: &Args) -> Result<Arc<Model>, Failure> {
         return input::model(id, &args.own);
     }
     let catalog = input::catalog_with(&args.own)?;
-    let first = catalog.ids().filter_map(|id| catalog.find(id)).find(|model| model.run.is_some()).cloned();
-    first.ok_or_else(|| Failure::failed("no model can be commanded"))
+    // Of those of the demo, which need nothing but a station, the one with the most values.
+    let last = vfd_gateway::vendors::in_demo().iter().rev().find_map(|id| catalog.find(id)).cloned();
+    last.ok_or_else(|| Failure::failed("no model can be commanded"))
 }
 
 fn volume(publications: &[Publication]) -> Volume {
