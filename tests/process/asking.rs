@@ -93,7 +93,7 @@ fn a_write_that_is_refused_says_why_and_writes_nothing() {
 fn who_does_not_listen_is_named() {
     // Not one that the system would give to whoever listens or connects next.
     let nobody = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
-    for (command, more) in [("read", &["1"][..]), ("write", &["1", "1"]), ("watch", &["1"])] {
+    for (command, more) in [("read", &["1"][..]), ("write", &["60000", "7"]), ("watch", &["1"])] {
         assert_fails(&ask(command, nobody, "1", more), 1, &["cannot connect", &nobody.to_string()]);
     }
 }
