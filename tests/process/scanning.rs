@@ -140,7 +140,7 @@ fn what_was_found_until_ctrl_c_is_kept() {
     let place = Place::new();
     let port = place.file("line");
     let _drives = simulate(&port, "hyundai-n700", &["1"], &[]);
-    let setting = ["--baud", "9600", "--parity", "none", "--stop-bits", "1", "--stations", "1-32"];
+    let setting = ["--baud", "9600", "--parity", "none", "--stop-bits", "1", "--stations", "1-2"];
     let mut scan = start(&[&["scan", "--port", port.to_str().unwrap()], &setting[..]].concat());
     scan.wait_for("that the drive answers", |line| line.contains("station 1 answers").then_some(()));
     scan.interrupt();
