@@ -2,8 +2,10 @@
 //! models, and never a wrong one alone.
 
 use super::plan::{Plan, READS_MAX, SILENCES_MAX, ScanOptions, Setting};
+use super::report::Scan;
 use super::survey::{Finding, Verdict};
 use super::tests::{Simulated, factory_plan, model, models, played};
+use crate::config::PortAddress;
 use crate::profile::model::Model;
 use crate::sim::FaultPlan;
 use std::fmt::Write;
@@ -93,6 +95,11 @@ fn a_drive_tells_what_it_is() {
     other.identity.as_mut().unwrap().values.value = vec![0x41];
     let (drive, _) = found(&plan_for(&all, &smv), &Arc::new(other));
     assert!(!names(&drive.verdict).contains(&"actech-smv"));
+    assert_eq!(drive.verdict.other.as_deref(), Some("AC Tech MC"));
+    let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
+    let findings = super::survey::Findings { drives: vec![drive], ..super::survey::Findings::default() };
+    let table = Scan { port: &port, plan: &plan, findings: &findings, echoes: false, date: "" }.table();
+    assert!(table.contains("says that it is AC Tech MC; "), "{table}");
 }
 
 #[test]

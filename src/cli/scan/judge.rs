@@ -162,6 +162,12 @@ impl Standing {
         self.against >= CONTRADICTED || matches!(self.identity, Some(Identified::Other(_)))
     }
 
+    /// The name that the identity of `suspect` gives the drive, if nothing else contradicts that model.
+    fn names_other(self, suspect: &Suspect) -> Option<&str> {
+        let Some(Identified::Other(word)) = self.identity.filter(|_| self.against == 0) else { return None };
+        suspect.model.identity.as_ref()?.other(word)
+    }
+
     /// The best is the least.
     fn rank(self) -> impl Ord {
         (self.identity.is_none(), self.unexplained, self.against, std::cmp::Reverse(self.answered))
@@ -184,6 +190,8 @@ pub enum Refusals {
 pub struct Judgement<'a> {
     /// The models that may be it, the best first.
     left: Vec<(&'a Suspect, Standing)>,
+    /// The first model that only its identity rules out.
+    kin: Option<(&'a Suspect, Standing)>,
     /// What a register of a model says that fits otherwise: the name of another drive.
     pub other: Option<String>,
 }
@@ -204,12 +212,10 @@ impl<'a> Judgement<'a> {
                 is_best || !(is_explained_better(best, *rival) || (is_sure && rival.1.identity.is_none()))
             });
         }
-        let other = out.iter().filter(|(_, it)| it.against == 0 && it.answered >= TELLING).find_map(|(suspect, it)| {
-            let Some(Identified::Other(word)) = it.identity else { return None };
-            let identity = suspect.model.identity.as_ref()?;
-            identity.other(word).map(str::to_owned)
-        });
-        Self { left, other }
+        let mut kin = out.into_iter().filter_map(|(suspect, it)| Some((suspect, it, it.names_other(suspect)?)));
+        let kin = kin.next();
+        let other = kin.filter(|(_, it, _)| it.answered >= TELLING).map(|(_, _, name)| name.to_owned());
+        Self { left, kin: kin.map(|(suspect, it, _)| (suspect, it)), other }
     }
 
     /// The models that may be it with what speaks for each, the best first. None as long as no register answered.
@@ -226,8 +232,14 @@ impl<'a> Judgement<'a> {
 
     /// The address to read next; `None` if nothing would tell more.
     pub fn next(&self, evidence: &Evidence, refusals: Refusals) -> Option<Address> {
-        let (best, standing) = *self.left.first()?;
         let is_new = |address: &Address| evidence.at(*address).is_none();
+        let fits_better = |it: &Standing| self.left.first().is_none_or(|(_, best)| best.answered < it.answered);
+        if let Some((kin, _)) = self.kin.filter(|(_, it)| it.answered < TELLING && fits_better(it))
+            && let Some(next) = kin.words.keys().copied().find(is_new)
+        {
+            return Some(next);
+        }
+        let (best, standing) = *self.left.first()?;
         if standing.answered >= TELLING
             && let Some(identity) = best.model.identity.as_ref().map(|it| it.address).filter(is_new)
         {
