@@ -4,6 +4,7 @@ use crate::config::qualified::{Finding, action_of};
 use crate::domain::command::{Direction, Go, Order};
 use crate::domain::control::ControlAction;
 use crate::domain::frequency::Hertz;
+use crate::profile::model::OrderKind;
 use serde_json::{Map, Value};
 
 /// What the body of an order looks like, for people.
@@ -16,60 +17,43 @@ const NAME_CHARS_MAX: usize = 64;
 /// An order of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum TrialOrder {
-    Stop,
-    Forward,
-    Reverse,
-    Coast,
-    Reset,
-    Release,
+    /// It writes to the drive.
+    Sent(OrderKind),
     /// The motor is still watched.
     Renew,
 }
 
 impl TrialOrder {
-    const ALL: [Self; 7] =
-        [Self::Stop, Self::Forward, Self::Reverse, Self::Coast, Self::Reset, Self::Release, Self::Renew];
-
-    /// Those that write to the drive.
-    pub const SENT: [Self; 6] = [Self::Stop, Self::Forward, Self::Reverse, Self::Coast, Self::Reset, Self::Release];
-
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Stop => "stop",
-            Self::Forward => "forward",
-            Self::Reverse => "reverse",
-            Self::Coast => "coast",
-            Self::Reset => "reset",
-            Self::Release => "release",
-            Self::Renew => "renew",
-        }
+    fn named(word: &str) -> Option<Self> {
+        let sent = || OrderKind::ALL.into_iter().find(|kind| kind.word() == word).map(Self::Sent);
+        if word == "renew" { Some(Self::Renew) } else { sent() }
     }
 
     /// Whether it starts the motor.
     pub const fn runs(self) -> bool {
-        matches!(self, Self::Forward | Self::Reverse)
+        matches!(self, Self::Sent(OrderKind::Forward | OrderKind::Reverse))
     }
 
     /// The unproven action that it may use. A stop is never refused, so it needs none.
     pub const fn action(self) -> Option<ControlAction> {
         match self {
-            Self::Stop | Self::Renew => None,
-            Self::Forward => Some(ControlAction::Basic),
-            Self::Reverse => Some(ControlAction::Reverse),
-            Self::Coast => Some(ControlAction::Coast),
-            Self::Reset => Some(ControlAction::Reset),
-            Self::Release => Some(ControlAction::Release),
+            Self::Sent(OrderKind::Stop) | Self::Renew => None,
+            Self::Sent(OrderKind::Forward) => Some(ControlAction::Basic),
+            Self::Sent(OrderKind::Reverse) => Some(ControlAction::Reverse),
+            Self::Sent(OrderKind::Coast) => Some(ControlAction::Coast),
+            Self::Sent(OrderKind::Reset) => Some(ControlAction::Reset),
+            Self::Sent(OrderKind::Release) => Some(ControlAction::Release),
         }
     }
 
     /// The orders without which `action` was not tried.
     pub const fn of_action(action: ControlAction) -> &'static [Self] {
         match action {
-            ControlAction::Basic => &[Self::Stop, Self::Forward],
-            ControlAction::Reverse => &[Self::Reverse],
-            ControlAction::Coast => &[Self::Coast],
-            ControlAction::Reset => &[Self::Reset],
-            ControlAction::Release => &[Self::Release],
+            ControlAction::Basic => &[Self::Sent(OrderKind::Stop), Self::Sent(OrderKind::Forward)],
+            ControlAction::Reverse => &[Self::Sent(OrderKind::Reverse)],
+            ControlAction::Coast => &[Self::Sent(OrderKind::Coast)],
+            ControlAction::Reset => &[Self::Sent(OrderKind::Reset)],
+            ControlAction::Release => &[Self::Sent(OrderKind::Release)],
         }
     }
 
@@ -77,12 +61,12 @@ impl TrialOrder {
     pub fn order(self, frequency: Hertz) -> Option<Order> {
         let run = |direction| Go::new(Vec::new(), Some(frequency), Some(direction)).map(Order::Go);
         match self {
-            Self::Stop => Some(Order::Stop { setpoint: None }),
-            Self::Forward => run(Direction::Forward),
-            Self::Reverse => run(Direction::Reverse),
-            Self::Coast => Some(Order::Coast),
-            Self::Reset => Some(Order::Reset),
-            Self::Release => Some(Order::Release),
+            Self::Sent(OrderKind::Stop) => Some(Order::Stop { setpoint: None }),
+            Self::Sent(OrderKind::Forward) => run(Direction::Forward),
+            Self::Sent(OrderKind::Reverse) => run(Direction::Reverse),
+            Self::Sent(OrderKind::Coast) => Some(Order::Coast),
+            Self::Sent(OrderKind::Reset) => Some(Order::Reset),
+            Self::Sent(OrderKind::Release) => Some(Order::Release),
             Self::Renew => Some(Order::Renew),
         }
     }
@@ -92,7 +76,7 @@ impl TrialOrder {
 pub(super) fn trial(body: &[u8]) -> Option<(TrialOrder, Option<u64>)> {
     let object = object(body)?;
     let word = object.get("order")?.as_str()?;
-    let order = TrialOrder::ALL.into_iter().find(|it| it.word() == word)?;
+    let order = TrialOrder::named(word)?;
     let epoch = match object.get("epoch") {
         None | Some(Value::Null) => None,
         Some(epoch) => Some(epoch.as_u64()?),
@@ -133,8 +117,8 @@ mod tests {
 
     #[test]
     fn an_order_is_named_and_a_start_names_its_epoch() {
-        assert_eq!(trial(TRIAL_EXAMPLE.as_bytes()), Some((TrialOrder::Forward, Some(7))));
-        assert_eq!(trial(br#"{"order": "stop"}"#), Some((TrialOrder::Stop, None)));
+        assert_eq!(trial(TRIAL_EXAMPLE.as_bytes()), Some((TrialOrder::Sent(OrderKind::Forward), Some(7))));
+        assert_eq!(trial(br#"{"order": "stop"}"#), Some((TrialOrder::Sent(OrderKind::Stop), None)));
         for wrong in [
             "",
             "[]",

@@ -9,7 +9,7 @@ use crate::domain::ids::Station;
 use crate::domain::link::Framing;
 use crate::drive::bases::Bases;
 use crate::drive::steps::{self, Step, WriteFunctions};
-use crate::profile::model::Model;
+use crate::profile::model::{Model, OrderKind};
 use crate::wire::framing;
 use crate::wire::pdu::Request;
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ pub(super) fn of(
     let functions = WriteFunctions::of(model);
     let steps = match order.order(trial_frequency(control)) {
         Some(Order::Stop { .. } | Order::Coast) => {
-            let stop = steps::of_stop(model, order == TrialOrder::Coast);
+            let stop = steps::of_stop(model, order == TrialOrder::Sent(OrderKind::Coast));
             return stop.map_or_else(
                 |_| Vec::new(),
                 |(address, value)| {
@@ -80,7 +80,7 @@ mod tests {
     #[test]
     fn the_frames_are_those_of_the_model() {
         let (model, control) = (model(), control());
-        let stop = of(TrialOrder::Stop, &model, &control, AT);
+        let stop = of(TrialOrder::Sent(OrderKind::Stop), &model, &control, AT);
         let (address, word) = steps::of_stop(&model, false).unwrap();
         assert_eq!(stop.len(), 1);
         assert_eq!(stop[0]["words"], json!([{ "register": address.to_string(), "word": word }]));
@@ -88,7 +88,7 @@ mod tests {
         let number = address.number();
         let [high, low] = number.to_be_bytes();
         assert!(frame.starts_with(&format!("01 06 {high:02X} {low:02X} ")), "{frame}");
-        assert!(!of(TrialOrder::Forward, &model, &control, AT).is_empty());
+        assert!(!of(TrialOrder::Sent(OrderKind::Forward), &model, &control, AT).is_empty());
         assert!(of(TrialOrder::Renew, &model, &control, AT).is_empty());
     }
 

@@ -19,6 +19,7 @@ use crate::domain::control::ControlAction;
 use crate::domain::ids::Station;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::Tried;
+use crate::profile::model::OrderKind;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, State};
@@ -119,12 +120,12 @@ impl Trials {
 
     /// Stop, forward and the setpoint are sure before anything else is tried, and a stop before the first start.
     async fn is_in_turn(&self, description: &DriveDescription, order: TrialOrder) -> bool {
-        if !self.has_done(description.place, TrialOrder::Stop) {
+        if !self.has_done(description.place, TrialOrder::Sent(OrderKind::Stop)) {
             return false;
         }
         let control = description.control.as_ref();
         let is_sure = control.is_some_and(|it| description.model.may_be_ordered(&it.accept_unverified));
-        if is_sure || order == TrialOrder::Forward {
+        if is_sure || order == TrialOrder::Sent(OrderKind::Forward) {
             return true;
         }
         let qualified = self.qualified().await.unwrap_or_default();
@@ -134,7 +135,7 @@ impl Trials {
     async fn send(&self, drive: &SharedDrive, order: TrialOrder, epoch: Option<u64>) -> Report {
         let description = &drive.description;
         let Some(control) = &description.control else { return Report::refused(Reason::ReadOnly) };
-        let is_free = matches!(order, TrialOrder::Stop | TrialOrder::Renew);
+        let is_free = matches!(order, TrialOrder::Sent(OrderKind::Stop) | TrialOrder::Renew);
         if !is_free && !self.is_in_turn(description, order).await {
             return Report::refused(Reason::Unverified);
         }
@@ -146,10 +147,11 @@ impl Trials {
         if matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed) {
             self.did(description.place, order);
         }
-        let (outcome, reason, word) = (report.outcome.word(), report.reason.word(), order.word());
-        if order != TrialOrder::Renew {
+        if let TrialOrder::Sent(kind) = order {
             let drive = description.name.as_str();
-            tracing::info!(drive, by = %Owner::Local, order = word, outcome, reason, "trial");
+            let outcome = report.outcome.word();
+            let reason = report.reason.word();
+            tracing::info!(drive, by = %Owner::Local, order = kind.word(), outcome, reason, "trial");
         }
         report
     }
@@ -175,7 +177,7 @@ async fn try_out(State(trials): State<Arc<Trials>>, Path(name): Path<String>, bo
     };
     // A stop never waits for a place.
     let place = trials.side.place();
-    if place.is_none() && order != TrialOrder::Stop && order != TrialOrder::Renew {
+    if place.is_none() && order != TrialOrder::Sent(OrderKind::Stop) && order != TrialOrder::Renew {
         return too_many(&name);
     }
     let Some(drive) = find(&trials.side, &name) else { return unknown(&trials.side, &name) };

@@ -11,7 +11,7 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::link::Framing;
 use crate::domain::units::UnitOfMeasure;
 use crate::north::shown::{presence, run_state};
-use crate::profile::model::{Basic, Model, Role};
+use crate::profile::model::{Basic, Model, OrderKind, Role};
 use serde_json::{Map, Value, json};
 
 /// The name of the register that holds the version of the drive's firmware, where a model has one.
@@ -55,8 +55,8 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
     if let Some(control) = control {
         let framing = trials.side.shared().line(description.place).map_or(Framing::Rtu, |line| line.wiring.framing);
         let at = station.zip(Some(framing));
-        let orders = TrialOrder::SENT.into_iter().filter_map(|order| {
-            let frames = frames::of(order, model, control, at?);
+        let orders = OrderKind::ALL.into_iter().filter_map(|order| {
+            let frames = frames::of(TrialOrder::Sent(order), model, control, at?);
             (!frames.is_empty()).then(|| (order.word().to_owned(), Value::from(frames)))
         });
         shown["orders"] = orders.collect::<Map<_, _>>().into();
