@@ -376,7 +376,8 @@ mod tests {
 
     #[test]
     fn a_word_that_makes_a_motor_run_is_not_written_and_left_alone() {
-        for model in crate::vendors::reviewed() {
+        let catalog = crate::vendors::catalog();
+        for model in crate::vendors::reviewed().iter().map(|id| catalog.find(id).unwrap()) {
             let run = model.run.as_ref().unwrap();
             let register = model.register_for(Role::RunCommand).unwrap().address;
             let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
@@ -398,7 +399,8 @@ mod tests {
 
     #[test]
     fn straight_on_a_port_no_word_is_written_where_commands_are() {
-        for model in crate::vendors::reviewed() {
+        let catalog = crate::vendors::catalog();
+        for model in crate::vendors::reviewed().iter().map(|id| catalog.find(id).unwrap()) {
             let register = model.register_for(Role::RunCommand).unwrap().address.number();
             let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);
             let word = model.run.as_ref().unwrap().forward.value.to_string();

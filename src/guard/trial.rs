@@ -23,7 +23,7 @@ pub(super) fn settings(
     let mut tried = ControlSettings::clone(&control);
     tried.accept_unverified.push(action);
     if action == ControlAction::Reverse {
-        // It rests on the same stop, setpoint and registers; whoever marks it has seen these work.
+        // It rests on the same stop, setpoint and registers; the daemon accepts the mark only once these are sure.
         tried.accept_unverified.push(ControlAction::Basic);
     }
     Ok(Arc::new(tried))

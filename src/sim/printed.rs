@@ -6,8 +6,10 @@ use super::*;
 use crate::domain::command::Direction;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
+use crate::profile::model::{Model, RefusedWrite, Role};
 use crate::wire::{pdu, rtu};
 use serde_json::Value;
+use std::sync::Arc;
 
 const FILES: [&str; 3] = [
     include_str!("../../tests/data/hyundai-frames.json"),
@@ -185,12 +187,10 @@ fn printed_broadcasts_stop_every_drive_and_none_answers() {
 
 #[test]
 fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
-    let may_be_old = |model: &crate::profile::model::Model| {
-        model.write.refused.value == crate::profile::model::RefusedWrite::EchoMayBeOld
-    };
+    let may_be_old = |model: &Model| model.write.refused.value == RefusedWrite::EchoMayBeOld;
     // The walk of the scenarios is for all models; here each order is one word by function 06.
-    let is_plain = |model: &&std::sync::Arc<crate::profile::model::Model>| {
-        let setpoint = model.register_for(crate::profile::model::Role::FrequencyCommand);
+    let is_plain = |model: &&Arc<Model>| {
+        let setpoint = model.register_for(Role::FrequencyCommand);
         let is_plain = setpoint.is_some_and(|it| it.scale == 100 && it.form.is_plain() && it.access.can_write());
         let run = model.run.as_ref().filter(|_| is_plain && model.serves(6) && !may_be_old(model));
         run.is_some_and(|run| run.reverse.is_some() && run.start.steps.is_empty() && run.places == Default::default())
@@ -207,8 +207,7 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
         }
         let run = model.run.as_ref().unwrap();
         let reverse = run.reverse.as_ref().unwrap().value;
-        let roles =
-            [(crate::profile::model::Role::FrequencyCommand, 3000), (crate::profile::model::Role::RunCommand, reverse)];
+        let roles = [(Role::FrequencyCommand, 3000), (crate::profile::model::Role::RunCommand, reverse)];
         for (role, value) in roles {
             let mut request = vec![6];
             pdu::put_words(&mut request, &[model.register_for(role).unwrap().address.number(), value]);

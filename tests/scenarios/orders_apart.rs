@@ -1,7 +1,7 @@
 //! Orders with registers of their own, holding registers or coils: the direction goes before the run word and is never
 //! given by half, a reset is cleared whatever happens, and no write reaches such a register by another way.
 
-use crate::support::families::{accepting, listing, options_of, refused, rig_of, write};
+use crate::support::families::{accepting, listing, options_of, ready, refused, rig_of, write};
 use crate::support::{MQTT, Rig, RigOptions, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
@@ -49,15 +49,6 @@ fn coils() -> Arc<Model> {
 
 fn both() -> [(Arc<Model>, Table); 2] {
     [(words(), Table::Holding), (coils(), Table::Coil)]
-}
-
-/// A rig whose drive was stopped and has shown everything.
-fn ready(model: &Arc<Model>) -> Rig {
-    let mut rig = rig_of(model, accepting());
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
-    rig.live(SECOND * 3);
-    rig.sent.clear();
-    rig
 }
 
 /// The words written so far, each with its register.

@@ -1,7 +1,7 @@
 //! A setpoint of two words: written and read back as one pair in one frame, never by half.
 
-use crate::support::families::{accepting, refused, rig_of, write};
-use crate::support::{MQTT, Rig, STOP, run, setpoint};
+use crate::support::families::{ready, refused, write};
+use crate::support::{MQTT, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
@@ -22,14 +22,6 @@ fn with(from: &str, to: &str) -> Arc<Model> {
 
 fn pairs() -> Arc<Model> {
     with("", "")
-}
-
-fn ready(model: &Arc<Model>) -> Rig {
-    let mut rig = rig_of(model, accepting());
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
-    rig.live(SECOND * 3);
-    rig.sent.clear();
-    rig
 }
 
 /// The PDU that writes both words.

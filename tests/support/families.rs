@@ -1,6 +1,6 @@
 //! Rigs of any built-in drive, and native requests with their answers.
 
-use super::{ORIGIN, Rig, RigOptions, STOP, catalog, control, model};
+use super::{MQTT, ORIGIN, Rig, RigOptions, STOP, catalog, control, model};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
@@ -16,23 +16,12 @@ use vfd_gateway::vendors;
 /// A tool at the gateway's own socket.
 pub const LOCAL: Origin = Origin { owner: Owner::Local, ..super::MQTT };
 
-/// The drives with which one promise is played in depth: they take orders, in one register, with a setpoint in hertz.
-/// [`walked`] has every model.
-const IN_DEPTH: [&str; 7] = [
-    "frecon-fr500a",
-    "hyundai-n100plus",
-    "hyundai-n700",
-    "teco-e510",
-    "teco-e510s",
-    "toshiba-vf-as1",
-    "toshiba-vf-s15",
-];
-
-/// The models of [`IN_DEPTH`], and those in `VFD_MODEL_DIR`.
+/// The drives with which one promise is played in depth: those that are [reviewed](vendors::reviewed), and those in
+/// `VFD_MODEL_DIR`. [`walked`] has every model.
 pub fn models() -> Vec<Arc<Model>> {
-    let built_in: Vec<_> =
-        vendors::texts().iter().map(|(file, _)| file.replace('/', "-").replace(".toml", "")).collect();
-    let is_played = |model: &&Arc<Model>| IN_DEPTH.contains(&model.id.as_str()) || !built_in.contains(&model.id);
+    let built_in = vendors::catalog();
+    let is_played =
+        |model: &&Arc<Model>| vendors::reviewed().contains(&model.id.as_str()) || built_in.find(&model.id).is_none();
     catalog().models().filter(is_played).cloned().collect()
 }
 
@@ -74,6 +63,15 @@ pub fn failure(walk: impl FnOnce()) -> Option<String> {
     let why = catch_unwind(AssertUnwindSafe(walk)).err()?;
     let text = why.downcast_ref::<String>().cloned();
     Some(text.or_else(|| why.downcast_ref::<&str>().map(|it| (*it).to_owned())).unwrap_or_default())
+}
+
+/// A rig whose drive, with every order accepted, was stopped and has shown everything.
+pub fn ready(model: &Arc<Model>) -> Rig {
+    let mut rig = rig_of(model, accepting());
+    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+    rig.live(Duration::from_secs(3));
+    rig.sent.clear();
+    rig
 }
 
 /// The model called `id` with a change.

@@ -234,8 +234,9 @@ fn due_moments(model: &Model, drives: u32, from: u64) -> Vec<MonoTime> {
 fn polls_of_a_full_line_are_spread_evenly() {
     const DRIVES: u32 = 32;
     let slot = Duration::from_secs(1) / DRIVES;
-    for model in &vendors::reviewed() {
-        let id = &model.id;
+    let catalog = vendors::catalog();
+    for id in vendors::reviewed() {
+        let model = catalog.find(id).expect("it is built in");
         let moments = due_moments(model, DRIVES, 0);
         let regular: Vec<_> = moments.iter().filter(|at| **at >= MonoTime::from_millis(10_000)).collect();
         let begun_at = |at: usize| regular[at..].iter().take_while(|later| later.since(*regular[at]) < slot).count();

@@ -25,7 +25,7 @@ pub(super) fn clock() -> Clock {
 
 /// The identifiers of all built-in models.
 pub(super) fn models() -> Vec<String> {
-    crate::vendors::reviewed().iter().map(|model| model.id.clone()).collect()
+    vendors::reviewed().iter().map(|id| (*id).to_owned()).collect()
 }
 
 fn catalog() -> Catalog {

@@ -162,8 +162,7 @@ fn an_example_that_shows_several_bits_states_their_sum_only() {
 #[test]
 fn what_is_inferred_says_what_of_it() {
     let says = ["inferred", "taken over", "neighbours", "twin", "leftover", "relative", "computed", "not seen"];
-    let reviewed: Vec<_> = crate::vendors::reviewed().iter().map(|model| model.id.clone()).collect();
-    for (name, text) in wholes().iter().filter(|(name, _)| reviewed.iter().any(|id| id == name)) {
+    for (name, text) in wholes().iter().filter(|(name, _)| crate::vendors::reviewed().contains(name)) {
         for fact in facts_of(text).iter().filter(|fact| fact.confidence == "inferred") {
             assert!(says.iter().any(|word| fact.source.contains(word)), "{name} {}: {}", fact.key, fact.source);
         }
