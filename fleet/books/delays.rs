@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_are_told() {
+    fn shares_are_reported() {
         let delays = Delays::default();
         assert_eq!((delays.within(500), delays.longest()), (Duration::ZERO, Duration::ZERO));
         (1..=1000).for_each(|millis| delays.add(Duration::from_millis(millis)));

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn repeats_and_strangers_are_told_apart() {
+    fn repeats_and_strangers_are_distinguished() {
         let ledger = Ledger::new(3, 65).unwrap();
         for number in [0, 63, 64] {
             ledger.sent(2, number);

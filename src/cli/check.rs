@@ -257,7 +257,7 @@ mod tests {
     use crate::vendors;
 
     #[test]
-    fn a_line_of_several_vendors_is_told_with_what_it_costs() {
+    fn a_line_of_several_vendors_is_reported_with_what_it_costs() {
         let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let found = super::report(&config::load(text, &catalog).unwrap());
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_listener_is_told_with_its_limits() {
+    fn a_listener_is_reported_with_its_limits() {
         let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let limits = "units = [1]\nconnections_max = 9\npriority = [\"127.0.0.1/32\"]\n[[modbus_tcp]]";

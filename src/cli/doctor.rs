@@ -221,7 +221,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_report_is_told_as_tables_with_what_to_do() {
+    fn a_report_is_reported_as_tables_with_what_to_do() {
         let replies = json!([{ "class": "stored_write", "count": 7, "p50_ms": 4.25, "p90_ms": 5.0, "p99_ms": 6.0,
             "p999_ms": 7.0, "max_ms": 9.0, "timeout_ms": 500.0, "suggested_timeout_ms": null }]);
         let report = json!({ "line": "hall-1", "link": "9600 8N1", "port": "/dev/ttyUSB0", "state": "up", "observed_s": 30.0,

@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn orders_are_told_with_what_has_to_be_accepted() {
+    fn orders_are_reported_with_what_has_to_be_accepted() {
         let text = orders_text(&orders(&everything()));
         assert_eq!(text, "stop, frequency, forward, reverse (unproven), coast (unproven), reset (unproven), release");
         let mut deaf = everything();

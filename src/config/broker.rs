@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn hosts_ports_and_schemes_are_told_apart() {
+    fn hosts_ports_and_schemes_are_distinguished() {
         for (text, address) in [
             ("embedded", Address::Embedded),
             ("mqtt://broker", tcp("broker", 1883, false)),

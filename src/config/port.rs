@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn devices_and_serial_device_servers_are_told_apart() {
+    fn devices_and_serial_device_servers_are_distinguished() {
         let device = |path: &str| PortAddress::Device(Path::new(path).to_owned());
         for (text, address) in [
             ("/dev/ttyUSB0", device("/dev/ttyUSB0")),

@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_file_is_told_and_never_half_read() {
+    fn a_damaged_file_is_reported_and_never_half_read() {
         let mut kept = Qualified::default();
         kept.record(&drive_of(&model(), None), fact(ControlAction::Basic, Finding::Confirmed)).unwrap();
         let whole = kept.text();

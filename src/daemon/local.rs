@@ -444,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_is_signed_in_orders_under_a_name_of_their_own() {
+    fn anyone_who_is_signed_in_orders_under_a_name_of_their_own() {
         let side = side();
         let anna = CommanderName::new("anna").unwrap();
         let line = move |message| {
@@ -469,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_not_answered_is_told_so_and_nothing_is_kept_for_him() {
+    fn who_is_not_answered_is_reported_so_and_nothing_is_kept_for_him() {
         let side = side();
         let (read, command) = with_a_line(&side, |_| Vec::new(), async {
             let read = side.read(PLACE, 1_u16.into(), deadline()).await;
@@ -481,7 +481,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_full_or_not_there_is_told_apart() {
+    fn a_line_that_is_full_or_not_there_is_distinguished() {
         let side = side();
         while side.shared().lines[0].inbox.put(Message::AskerGone(AskerId(1))).is_ok() {}
         let nowhere = DriveRef { line: 9, ..PLACE };

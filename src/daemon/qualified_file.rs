@@ -39,7 +39,7 @@ mod tests {
     use crate::daemon::testing::Dir;
 
     #[test]
-    fn a_file_is_there_as_a_whole_or_told_to_be_damaged() {
+    fn a_file_is_there_as_a_whole_or_reported_to_be_damaged() {
         let place = Dir::new();
         assert_eq!(read(&place), Ok(Qualified::default()), "nothing was tried yet");
         write(&place, &Qualified::default()).unwrap();

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn registers_and_back_doors_are_told_apart() {
+    fn registers_and_back_doors_are_distinguished() {
         let model = model();
         let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
         assert_eq!(order(&model, 0x0004_u16.into(), &[6000]), Ok(Order::Go(setpoint)));

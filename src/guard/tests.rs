@@ -124,7 +124,7 @@ fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast(
 }
 
 #[test]
-fn a_run_that_fails_behind_one_that_holds_does_not_make_a_stop_change_nothing() {
+fn a_run_that_fails_after_one_that_holds_does_not_make_a_stop_change_nothing() {
     for is_sure in [true, false] {
         let mut guard = guard_of(model(), control());
         assert!(matches!(guard.review(&command(plc(1), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
@@ -340,7 +340,7 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
 }
 
 #[test]
-fn whoever_is_signed_in_commands_where_the_drive_says_so() {
+fn anyone_who_is_signed_in_commands_where_the_drive_says_so() {
     let by = |name| Origin { owner: Owner::Page(CommanderName::new(name).unwrap()), ..mqtt() };
     let anna = by("anna");
     let bob = by("bob");

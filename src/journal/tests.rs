@@ -354,7 +354,7 @@ fn a_lease_of_an_earlier_life_is_marked_once() {
 }
 
 #[test]
-fn of_trips_that_are_bits_all_texts_are_told() {
+fn of_trips_that_are_bits_all_texts_are_reported() {
     let mut drive = drive("fan");
     let mut model = Model::clone(&drive.model);
     let mut register = model.registers[0].clone();

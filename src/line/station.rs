@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_of_bits_are_told_apart_by_their_bytes_and_words_by_their_function() {
+    fn reads_of_bits_are_distinguished_by_their_bytes_and_words_by_their_function() {
         let now = MonoTime::from_millis(1000);
         let from = |table, count| Request::Read { address: Address::new(table, 6), count };
         let waits_for = |missing: Request, request: Request| {

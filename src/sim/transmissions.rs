@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_gives_way_to_whoever_talks() {
+    fn a_burst_gives_way_to_anyone_who_talks() {
         let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
         transmissions.add_yielding(Station(0), ms(100), vec![1, 2, 3, 4]);
         assert_eq!(transmissions.add(Station(1), ms(102), true, vec![7, 8], usize::MAX), 0);

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_before_the_reply_is_told_apart() {
+    fn noise_before_the_reply_is_distinguished() {
         let mut assembler = Assembler::new(Framing::Rtu);
         assembler.push(&[0xFF, 0x01, 0x03, 0x00]);
         assembler.push(&REPLY);

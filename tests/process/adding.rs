@@ -160,7 +160,7 @@ fn is_in(client: &mut Raw, run_state: u16) -> Option<()> {
 }
 
 #[test]
-fn all_mistakes_of_all_model_files_are_told_at_once() {
+fn all_mistakes_of_all_model_files_are_reported_at_once() {
     let written = Written::new();
     let text = std::fs::read_to_string(&written.model).unwrap();
     let (one, other) = (written.models.join("one.toml"), written.models.join("other.toml"));
@@ -185,7 +185,7 @@ fn all_mistakes_of_all_model_files_are_told_at_once() {
 }
 
 #[test]
-fn a_directory_that_cannot_be_read_is_told_with_its_place() {
+fn a_directory_that_cannot_be_read_is_reported_with_its_place() {
     let written = Written::new();
     let text = std::fs::read_to_string(&written.configuration).unwrap();
     let missing = written.place.file("missing");

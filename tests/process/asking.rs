@@ -114,7 +114,7 @@ fn read_knows_the_names_of_a_uniform_unit() {
 }
 
 #[test]
-fn watch_prints_what_changes_and_ends_when_it_is_told_to() {
+fn watch_prints_what_changes_and_ends_when_it_is_reported_to() {
     let unit = StandIn::new(&[(4, 0), (5, 5000)]);
     let mut watch = begin("watch", unit.address, "101", &["--uniform", "--every", "20ms"]);
     watch.wait_for("the first value", |line| line.contains("output_frequency  0.00 Hz").then_some(()));
@@ -184,7 +184,7 @@ fn who_starts_a_drive_once_is_warned() {
 }
 
 #[test]
-fn a_drive_that_somebody_else_stopped_is_let_go() {
+fn a_drive_that_another_party_stopped_is_let_go() {
     let unit = StandIn::new(&[(RUN, 0), (LEFT, 30), (REASON, 0)]);
     let mut write = begin("write", unit.address, "101", &["run", "forward"]);
     write.wait_for("that it stays", |line| line.contains("the lease is renewed").then_some(()));

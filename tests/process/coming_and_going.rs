@@ -67,7 +67,7 @@ fn sigterm_and_ctrl_c_end_the_gateway_cleanly() {
 }
 
 #[test]
-fn a_program_that_is_told_to_end_at_once_ends_cleanly_too() {
+fn a_program_that_is_asked_to_exit_at_once_ends_cleanly_too() {
     // Each time the signal comes as early as it can be sent: right behind the first sign of life.
     for _ in 0..10 {
         let place = Place::new();
@@ -118,7 +118,7 @@ fn the_demo_says_that_its_port_is_taken_and_takes_another() {
 }
 
 #[test]
-fn a_demo_whose_reader_has_gone_goes_on_and_ends_when_it_is_told_to() {
+fn a_demo_whose_reader_has_gone_goes_on_and_ends_when_it_is_reported_to() {
     let _alone = only_demo();
     let free = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
     let (mut demo, _) =

@@ -307,7 +307,7 @@ fn each_user_of_the_broker_may_what_it_is_there_for_and_nothing_else() {
 }
 
 #[test]
-fn whoever_is_not_known_or_not_encrypted_is_turned_away() {
+fn anyone_who_is_not_known_or_not_encrypted_is_turned_away() {
     let running = Running::new();
     let topic = "vfd/plant-a/all/run/set";
     let ca = running.credentials("watchman")[..2].to_vec();

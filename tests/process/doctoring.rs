@@ -121,7 +121,7 @@ fn a_good_line_is_good() {
 }
 
 #[test]
-fn wrong_questions_are_told_apart_from_bad_lines() {
+fn wrong_questions_are_distinguished_from_bad_lines() {
     let patient = Patient::with("", "");
     let file = patient.file.to_str().unwrap();
     let output = vfd_gateway(&["doctor", "-c", file, "--line", "attic"]);

@@ -130,7 +130,7 @@ fn the_person_at_the_terminal_is_asked() {
 }
 
 #[test]
-fn who_may_not_or_cannot_is_told_why() {
+fn who_may_not_or_cannot_is_reported_why() {
     let plant = at_the_panel();
     let socket = socket(&plant);
     let file = plant.place.file("data/vfd-gateway.sock");

@@ -239,7 +239,7 @@ const AT_START: [(&str, &str, &str); 3] = [
 ];
 
 #[test]
-fn a_data_directory_that_cannot_be_written_at_the_start_is_told_and_stops_no_control() {
+fn a_data_directory_that_cannot_be_written_at_the_start_is_reported_and_stops_no_control() {
     for (before, after, state) in AT_START {
         let site = Site::new();
         let data = site.place.file("data");

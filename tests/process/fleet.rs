@@ -223,7 +223,7 @@ fn a_gateway_cannot_throw_out_another_one_by_its_identifier() {
 }
 
 #[test]
-fn wrong_credentials_are_told_before_anything_is_sent() {
+fn wrong_credentials_are_reported_before_anything_is_sent() {
     let place = Place::new();
     make_users(&place);
     let central = central(&place);

@@ -27,7 +27,7 @@ fn healthz(http: SocketAddr) -> Option<(u16, String)> {
 }
 
 #[test]
-fn a_line_whose_thread_hangs_ends_the_signs_of_life_until_it_goes_on() {
+fn a_line_whose_thread_hangs_ends_the_heartbeats_until_it_goes_on() {
     let place = Place::new();
     let drive = Drive::new(&FAMILIES[0], &place);
     std::fs::create_dir(place.file("data")).unwrap();

@@ -119,7 +119,7 @@ fn filters(mut rest: &[u8]) -> usize {
 }
 
 #[test]
-fn a_broker_that_grants_or_delivers_nothing_is_told_nothing_and_asked_again() {
+fn a_broker_that_grants_or_delivers_nothing_is_reported_nothing_and_asked_again() {
     for lie in [Lie::Mute, Lie::Refuses, Lie::Short, Lie::Deaf] {
         for version in [5, 4] {
             let (port, all) = lying(lie, version == 5);

@@ -255,7 +255,7 @@ fn the_page_hears_of_values_a_trip_and_a_line_that_is_gone() {
 }
 
 #[test]
-fn a_reload_is_told_with_what_is_there_now() {
+fn a_reload_is_reported_with_what_is_there_now() {
     let site = Site::new(1);
     let listener = Listener::new(site.http);
     assert_eq!(listener.next().kind, "state");

@@ -251,7 +251,7 @@ fn a_lost_gateway_is_shown_and_found_again() {
 }
 
 #[test]
-fn whoever_signs_in_starts_and_stops_the_drive() {
+fn anyone_who_signs_in_starts_and_stops_the_drive() {
     let shop = Shop::open(true);
     let browser = shop.browser();
     browser.wait("document.querySelector('[aria-controls=\"sign-in\"]').checkVisibility()");

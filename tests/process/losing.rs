@@ -193,7 +193,7 @@ fn write_holds_a_drive_longer_than_its_lease_and_stops_it_on_ctrl_c() {
 }
 
 #[test]
-fn a_gateway_that_is_told_to_end_stops_the_drive_first_and_says_goodbye() {
+fn a_gateway_that_is_asked_to_exit_stops_the_drive_first_and_says_goodbye() {
     let mut plant = Plant::new();
     let subscriber = plant.subscriber();
     let seen = plant.run_over_mqtt();

@@ -91,7 +91,7 @@ fn a_peer_that_accepts_and_says_nothing_is_a_silent_drive() {
 }
 
 #[test]
-fn a_peer_that_closes_at_once_is_told_of_once() {
+fn a_peer_that_closes_at_once_is_reported_once() {
     let place = Place::new();
     let peer = TcpListener::bind("127.0.0.1:0").unwrap();
     let gateway = gateway(&place, Path::new(&format!("tcp://{}", peer.local_addr().unwrap())));

@@ -302,7 +302,7 @@ fn a_line_with_nothing_left_to_do_serves_stops_as_long_as_another_ends() {
 }
 
 #[test]
-fn the_service_manager_is_told() {
+fn the_service_manager_is_reported() {
     let plant = Plant::with(PATIENT);
     let socket = UnixDatagram::bind(plant.place.file("notify")).unwrap();
     socket.set_read_timeout(Some(PATIENCE)).unwrap();

@@ -92,7 +92,7 @@ fn now() -> String {
 }
 
 #[test]
-fn a_trip_that_a_stalled_broker_was_told_of_comes_again_when_it_was_killed() {
+fn a_trip_that_a_stalled_broker_was_informed_of_comes_again_when_it_was_killed() {
     for version in ["version = 5", "version = 4"] {
         let wish = Wish { mqtt: version, simulate: &["--trip-every", "8"], lost_after: "30s", ..Wish::default() };
         let mut plant = Plant::with(wish);

@@ -257,7 +257,7 @@ fn openssl_finds_1_2_and_1_3_and_nothing_weaker() {
 }
 
 #[test]
-fn whoever_has_no_certificate_that_counts_is_not_let_in() {
+fn anyone_who_has_no_certificate_that_counts_is_not_let_in() {
     let secured = Secured::new();
     let elsewhere = secured.place.file("elsewhere");
     make_certificates(&elsewhere, &["client", "stranger", "operator"]);

@@ -100,7 +100,7 @@ fn assert_is_documented(metric: &Value) {
 }
 
 #[test]
-fn a_host_commands_the_drive_sees_what_becomes_of_it_and_stops_it_by_dying() {
+fn a_host_commands_the_drive_sees_its_outcome_and_stops_it_by_dying() {
     let plant = plant("");
     let scada = Scada::online(&plant.broker, "5");
     scada.wait_for_kind("DBIRTH", 0);
@@ -274,7 +274,7 @@ fn a_gateway_that_is_killed_is_buried_by_the_broker_with_the_number_of_its_birth
 }
 
 #[test]
-fn a_trip_and_values_of_an_outage_are_told_as_history_in_order() {
+fn a_trip_and_values_of_an_outage_are_reported_as_history_in_order() {
     let mut plant = plant("");
     let scada = Scada::online(&plant.broker, "5");
     scada.wait_for_kind("DBIRTH", 0);
@@ -298,7 +298,7 @@ fn a_trip_and_values_of_an_outage_are_told_as_history_in_order() {
 }
 
 #[test]
-fn check_says_what_is_told_and_what_is_wrong() {
+fn check_says_what_is_reported_and_what_is_wrong() {
     let place = super::rig::Place::new();
     let broker = Mosquitto::tools_for(1);
     let text = |sparkplug: &str, data_dir: &str| {

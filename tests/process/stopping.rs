@@ -12,7 +12,7 @@ const OWNER: u16 = 19;
 const PATIENT: Wish<'_> = Wish { lost_after: "30s", ..Wish::NONE };
 
 #[test]
-fn whoever_may_stop_stops_a_drive_that_was_started_over_mqtt() {
+fn anyone_who_may_stop_stops_a_drive_that_was_started_over_mqtt() {
     let plant = Plant::with(PATIENT);
     plant.order("frequency/set", "30");
     plant.wait_for_write(0, (FREQUENCY, 3000), PATIENCE);
@@ -40,7 +40,7 @@ fn whoever_may_stop_stops_a_drive_that_was_started_over_mqtt() {
 }
 
 #[test]
-fn who_was_stopped_by_somebody_else_does_not_go_on() {
+fn who_was_stopped_by_another_party_does_not_go_on() {
     let plant = Plant::with(PATIENT);
     let subscriber = plant.subscriber();
     // A controller holds the drive; the operator stops it over MQTT.

@@ -124,7 +124,7 @@ fn assert_journal_names_everybody(plant: &Plant) {
 }
 
 #[test]
-fn a_person_is_told_that_there_is_nothing_to_take() {
+fn a_person_is_informed_that_there_is_nothing_to_take() {
     let plant = Plant::with(Wish { control: "allow_take = true\n", ..Wish::default() });
     let port = plant.modbus.port().to_string();
     let mut take = program();

@@ -49,7 +49,7 @@ fn an_adapter_that_comes_and_goes_leaks_nothing_and_is_back_within_a_second() {
 }
 
 #[test]
-fn a_device_that_is_away_is_told_of_once() {
+fn a_device_that_is_away_is_reported_once() {
     let (_place, mut adapter, gateway) = plugged_in();
     adapter.pull_out();
     gateway.program.wait_for("that the line is down", |line| (message(line)? == "line down").then_some(()));
@@ -62,7 +62,7 @@ fn a_device_that_is_away_is_told_of_once() {
 
 /// Two programs, one device, two names for it.
 #[test]
-fn a_second_gateway_is_told_who_has_the_device_and_the_first_is_undisturbed() {
+fn a_second_gateway_is_informed_who_has_the_device_and_the_first_is_undisturbed() {
     let place = Place::new();
     let (one, other) = (place.file("line"), place.file("by-id"));
     let _drive = simulate(&one);
@@ -128,7 +128,7 @@ fn one_device_under_two_names_serves_one_line_of_a_gateway() {
 }
 
 #[test]
-fn a_driver_that_cannot_turn_the_direction_is_told_by_the_name_of_the_call() {
+fn a_driver_that_cannot_turn_the_direction_is_reported_by_the_name_of_the_call() {
     let place = Place::new();
     let port = place.file("line");
     let _drive = simulate(&port);

@@ -49,7 +49,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn a_reply_behind_noise_is_found_and_formats_back(
+    fn a_reply_after_noise_is_found_and_formats_back(
         station in 1..=247_u8,
         words in words(),
         noise in noise(),

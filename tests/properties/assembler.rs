@@ -30,7 +30,7 @@ proptest! {
     #![proptest_config(config())]
 
     #[test]
-    fn a_reply_behind_noise_is_found(
+    fn a_reply_after_noise_is_found(
         station in 1..=247_u8,
         words in prop::collection::vec(any::<u16>(), 1..=125),
         noise in prop::collection::vec(any::<u8>(), 0..=256),

@@ -156,7 +156,7 @@ fn every_fault_at_once_mixes_nothing_up() {
 }
 
 #[test]
-fn noise_before_a_reply_is_told_apart() {
+fn noise_before_a_reply_is_distinguished() {
     let options = RigOptions { tells_traffic: true, ..RigOptions::default() };
     let mut rig = Rig::new(&options.ascii());
     rig.bus.set_faults(FaultPlan { noise: 1000, ..FaultPlan::NONE });

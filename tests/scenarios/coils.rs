@@ -185,7 +185,7 @@ fn a_direction_coil_that_falls_back_runs_nothing() {
 }
 
 #[test]
-fn a_trip_is_told_by_its_coil_and_the_reset_coil_is_cleared() {
+fn a_trip_is_reported_by_its_coil_and_the_reset_coil_is_cleared() {
     let mut rig = ready(&coils(), accepting());
     confirmed(&mut rig, run(Direction::Forward, Some(3000)));
     let now = rig.now;

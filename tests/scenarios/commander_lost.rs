@@ -42,7 +42,7 @@ fn the_declared_action_starts_when_the_lease_ends() {
 }
 
 #[test]
-fn signs_of_life_keep_the_lease_and_only_those_of_the_owner() {
+fn heartbeats_keep_the_lease_and_only_those_of_the_owner() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
     for _ in 0..10 {
         rig.pass(Duration::from_secs(1));
@@ -59,7 +59,7 @@ fn signs_of_life_keep_the_lease_and_only_those_of_the_owner() {
 }
 
 #[test]
-fn a_sparkplug_host_keeps_control_by_its_own_signs_of_life_alone() {
+fn a_sparkplug_host_keeps_control_by_its_own_heartbeats_alone() {
     const HOST: Origin = Origin { owner: Owner::Sparkplug, ..MQTT };
     let mut rig = Rig::new(&RigOptions::controlled());
     assert_eq!(rig.commanded(HOST, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);

@@ -25,7 +25,7 @@ fn register(address: u16, value: u16) -> Order {
 }
 
 #[test]
-fn a_setpoint_and_a_run_order_move_the_motor_and_are_told_step_by_step() {
+fn a_setpoint_and_a_run_order_move_the_motor_and_are_reported_step_by_step() {
     let mut rig = rig();
     let ticket = rig.command(MQTT, 0, setpoint(4250));
     assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
@@ -48,7 +48,7 @@ fn who_lives_keeps_control() {
 
 /// If a port is reopened without a report that it was lost, the exchange on the wire is still lost.
 #[test]
-fn a_port_that_opens_anew_never_repeats_a_run_order() {
+fn a_port_that_opens_again_never_repeats_a_run_order() {
     let mut rig = rig();
     rig.commanded(MQTT, setpoint(3000));
     let ticket = rig.command(MQTT, 0, run(Forward, None));
@@ -153,7 +153,7 @@ fn control_has_one_owner_and_a_stop_by_another_ends_it() {
 }
 
 #[test]
-fn a_refused_write_is_told_with_the_value_that_the_drive_kept() {
+fn a_refused_write_is_reported_with_the_value_that_the_drive_kept() {
     let mut rig = rig();
     // The drive takes its run commands from the panel.
     let now = rig.now;
@@ -182,7 +182,7 @@ fn run_without_a_setpoint_tells_a_silent_drive_from_a_setting_outside_the_limits
 }
 
 #[test]
-fn a_lost_reply_is_told_as_unknown_and_settled_by_reading() {
+fn a_lost_reply_is_reported_as_unknown_and_settled_by_reading() {
     for (order, last) in [
         (setpoint(2000), (Outcome::Confirmed, Reason::None)),
         (run(Forward, None), (Outcome::Unknown, Reason::NoReply)),

@@ -144,7 +144,7 @@ fn where_there_is_only_an_echo_nothing_is_acknowledged() {
 }
 
 #[test]
-fn no_write_but_a_stop_goes_before_a_read_has_told_about_an_echo() {
+fn no_write_but_a_stop_goes_before_a_read_has_shown_an_echo() {
     for kind in [PortKind::Serial, PortKind::Virtual] {
         with_both_framings(
             || RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() },
@@ -250,7 +250,7 @@ fn babble_before_anything_waits_long_enough_is_no_jam() {
 }
 
 #[test]
-fn a_mute_line_is_told_once_and_comes_back_by_itself() {
+fn a_mute_line_is_reported_once_and_comes_back_by_itself() {
     with_both_framings(
         || RigOptions { drives: 2, poll: Duration::from_secs(1), ..RigOptions::controlled() },
         |mut rig| {
@@ -371,7 +371,7 @@ fn what_is_wrong_is_diagnosed_from_what_is_heard() {
 }
 
 #[test]
-fn another_master_is_told_and_its_requests_are_nobodys_answers() {
+fn another_master_is_reported_and_its_requests_are_nobodys_answers() {
     with_both_framings(RigOptions::controlled, |mut rig| {
         rig.bus.set_powered(rig.now, Station(1), false);
         rig.pass(Duration::from_secs(20));

@@ -220,7 +220,7 @@ fn glued_replies_are_found_one_after_the_other() {
 }
 
 #[test]
-fn a_reply_is_found_behind_noise() {
+fn a_reply_is_found_after_noise() {
     for (entry, adu) in replies() {
         for seed in 0..20 {
             for length in [1, 2, 3, 5, 8, 13, 64, 250, 256, 504] {
@@ -236,7 +236,7 @@ fn a_reply_is_found_behind_noise() {
 }
 
 #[test]
-fn a_reply_is_found_behind_more_noise_than_is_kept() {
+fn a_reply_is_found_after_more_noise_than_is_kept() {
     for (entry, adu) in replies() {
         let stream = [noise(1, 3_000).as_slice(), &adu].concat();
         let (found, rest) = heard(entry.expected(), stream.chunks(100));
@@ -247,7 +247,7 @@ fn a_reply_is_found_behind_more_noise_than_is_kept() {
 
 /// Noise that looks like the head of a longer frame, up to the longest, must not hide the reply.
 #[test]
-fn a_reply_is_found_behind_the_head_of_another_frame() {
+fn a_reply_is_found_after_the_head_of_another_frame() {
     for (entry, adu) in replies() {
         let station = entry.station;
         for head in [
@@ -274,7 +274,7 @@ fn a_reply_is_found_behind_the_head_of_another_frame() {
 
 /// The echo of our own read in front of the reply, as some adapters give it.
 #[test]
-fn a_reply_is_found_behind_the_echo_of_its_read() {
+fn a_reply_is_found_after_the_echo_of_its_read() {
     for (entry, adu) in replies().into_iter().filter(|(entry, _)| entry.function == 3) {
         let stream = [entry.request.as_slice(), &adu].concat();
         let (found, rest) = heard(entry.expected(), [stream.as_slice()]);
@@ -283,7 +283,7 @@ fn a_reply_is_found_behind_the_echo_of_its_read() {
 }
 
 #[test]
-fn noise_behind_a_reply_is_left_over() {
+fn noise_after_a_reply_is_left_over() {
     for (entry, adu) in replies() {
         for seed in 0..20 {
             for length in [1, 2, 3, 5, 8, 64, 256] {

@@ -151,7 +151,7 @@ fn busy_and_running() -> Rig {
 }
 
 #[test]
-fn a_stop_behind_a_reversal_that_was_never_sent_goes_out() {
+fn a_stop_after_a_reversal_that_was_never_sent_goes_out() {
     let mut rig = busy_and_running();
     let ticket = order(&mut rig, GONE, plc(1), run(Reverse, None));
     leaves(&mut rig);

@@ -45,7 +45,7 @@ fn the_wait_is_learned_from_a_thousand_replies() {
 }
 
 #[test]
-fn a_silence_shortens_nothing_and_an_opened_port_begins_anew() {
+fn a_silence_shortens_nothing_and_an_opened_port_begins_again() {
     let mut rig = learned(1, BusOptions::default());
     let before = reads(&rig, 0);
     rig.bus.set_powered(rig.now, Station(1), false);

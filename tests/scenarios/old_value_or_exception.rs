@@ -76,7 +76,7 @@ fn told(rig: &mut Rig, order: vfd_gateway::domain::command::Order) -> Report {
 }
 
 #[test]
-fn a_setpoint_beyond_the_drive_is_told_as_refused_and_the_old_one_stays() {
+fn a_setpoint_beyond_the_drive_is_reported_as_refused_and_the_old_one_stays() {
     for (id, _, no) in TOO_FAST {
         let mut rig = rig_of(&model(id), wide());
         assert_eq!(told(&mut rig, setpoint(2000)).outcome, Outcome::Confirmed, "{id}");
@@ -104,7 +104,7 @@ fn a_run_with_a_setpoint_beyond_the_drive_starts_nothing() {
 }
 
 #[test]
-fn a_native_writer_is_told_the_same() {
+fn a_native_writer_gets_the_same_answer() {
     for (id, address, no) in TOO_FAST {
         let mut rig = stopped(id, wide());
         assert_eq!(write(&mut rig, *address, &[2000]), NativeOutcome::Written, "{id}");

@@ -67,7 +67,7 @@ fn control_is_handed_back_only_where_the_file_allows_it_and_accepts_what_is_unpr
 }
 
 #[test]
-fn control_is_not_handed_back_while_the_motor_may_turn_or_somebody_else_holds_it() {
+fn control_is_not_handed_back_while_the_motor_may_turn_or_another_party_holds_it() {
     for id in RELEASING {
         let mut rig = rig(id, accepting());
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
@@ -171,7 +171,7 @@ fn what_a_drive_needs_is_set_from_the_gateways_own_side_and_read_back() {
 }
 
 #[test]
-fn nobody_else_sets_what_a_drive_needs() {
+fn no_other_party_sets_what_a_drive_needs() {
     for (id, items) in SETUP {
         let mut rig = rig(id, accepting());
         for origin in [MQTT, plc(1)] {

@@ -189,7 +189,7 @@ fn a_stop_in_the_middle_cuts_a_reset_and_takes_its_bit_back() {
 }
 
 #[test]
-fn a_lost_reply_to_the_reset_word_is_told_as_what_the_drive_shows() {
+fn a_lost_reply_to_the_reset_word_is_reported_as_what_the_drive_shows() {
     for way in WAYS {
         let mut rig = tripped(way, 1);
         let ticket = reset_up_to(&mut rig, way, 1);
@@ -229,7 +229,7 @@ fn the_stop_that_ends_a_reset_goes_until_it_is_answered() {
 }
 
 #[test]
-fn a_reset_whose_end_is_never_answered_is_told_as_unknown_and_sent_so_often_only() {
+fn a_reset_whose_end_is_never_answered_is_reported_as_unknown_and_sent_so_often_only() {
     for way in WAYS.iter().filter(|way| way.words.last() == Some(&way.stop)) {
         let mut rig = tripped(way, 1);
         let ticket = reset_up_to(&mut rig, way, 2);

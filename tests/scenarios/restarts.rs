@@ -108,7 +108,7 @@ fn a_lease_of_a_drive_that_is_found_at_standstill_is_over() {
 }
 
 #[test]
-fn a_drive_that_somebody_else_has_started_is_left_alone() {
+fn a_drive_that_another_party_has_started_is_left_alone() {
     let mut rig = running();
     rig.restart(Remembered::default());
     rig.pass(Duration::from_secs(30));
@@ -148,7 +148,7 @@ fn a_remembered_stop_of_a_drive_that_stays_away_is_dropped() {
 }
 
 #[test]
-fn a_trip_whose_row_was_lost_is_told_once_more_and_a_kept_one_is_not() {
+fn a_trip_whose_row_was_lost_is_reported_once_more_and_a_kept_one_is_not() {
     for is_kept in [false, true] {
         let mut rig = running();
         rig.commanded(MQTT, STOP);

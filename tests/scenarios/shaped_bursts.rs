@@ -140,7 +140,7 @@ fn two_drives_of_one_number_make_no_trip() {
 
 /// A stop is sent as early as when such bytes ended the exchange.
 #[test]
-fn a_stop_ends_the_wait_for_the_reply_behind_a_burst() {
+fn a_stop_ends_the_wait_for_the_reply_after_a_burst() {
     for drive in 0..2 {
         let mut options = RigOptions { drives: 2, poll: Duration::from_secs(3600), ..RigOptions::controlled() };
         options.bus.turnaround = ms(60);
@@ -165,7 +165,7 @@ fn read_proof(rig: &Rig) -> u16 {
 }
 
 #[test]
-fn a_write_behind_a_burst_is_not_sent_again() {
+fn a_write_after_a_burst_is_not_sent_again() {
     let mut options = RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() };
     options.bus.turnaround = ms(20);
     let mut rig = Rig::new(&options);

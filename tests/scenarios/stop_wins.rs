@@ -65,7 +65,7 @@ fn a_stop_cancels_what_was_ordered_and_nothing_moves_until_it_is_effective() {
 }
 
 #[test]
-fn a_stop_is_told_at_the_echo_and_again_when_it_is_effective() {
+fn a_stop_is_reported_at_the_echo_and_again_when_it_is_effective() {
     let mut rig = running();
     let ticket = rig.command(MQTT, 0, STOP);
     rig.outcome_of(ticket);
@@ -88,7 +88,7 @@ fn a_stop_without_a_reply_is_repeated_until_it_is_effective() {
 }
 
 #[test]
-fn a_stop_that_the_drive_refuses_is_told_repeated_and_an_alarm() {
+fn a_stop_that_the_drive_refuses_is_reported_repeated_and_an_alarm() {
     let mut rig = running();
     let now = rig.now;
     rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
@@ -241,7 +241,7 @@ fn moving_drives_are_stopped_first() {
 }
 
 #[test]
-fn many_who_stop_are_all_told() {
+fn many_who_stop_all_get_an_answer() {
     let mut rig = running();
     let tickets: Vec<_> = (1..=40).map(|n| rig.command(plc(n), 0, STOP)).collect();
     for ticket in tickets {
@@ -419,7 +419,7 @@ fn a_drive_that_takes_stops_again_may_be_started() {
 }
 
 #[test]
-fn a_stop_on_an_unplugged_line_is_told_at_once_and_goes_out_when_it_is_back() {
+fn a_stop_on_an_unplugged_line_is_reported_at_once_and_goes_out_when_it_is_back() {
     for model in models() {
         let options = RigOptions { model: Arc::clone(&model), proof_words: None, ..RigOptions::controlled() };
         let mut rig = Rig::new(&RigOptions { control: Some(accepting()), ..options });

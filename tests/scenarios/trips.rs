@@ -38,7 +38,7 @@ fn told(rig: &Rig) -> u32 {
 }
 
 #[test]
-fn a_trip_is_told_once_with_what_was_measured() {
+fn a_trip_is_reported_once_with_what_was_measured() {
     let mut rig = running();
     let at_trip = rig.output(1);
     tripped(&mut rig, 7);
@@ -110,7 +110,7 @@ fn no_trip_is_lost_on_a_bad_line() {
 }
 
 #[test]
-fn a_trip_while_the_line_was_down_is_told_as_one_that_nobody_saw_happen() {
+fn a_trip_while_the_line_was_down_is_reported_as_one_that_nobody_saw_happen() {
     for model in models().into_iter().filter(|model| model.trip_register().is_some()) {
         let mut rig = rig_of(&model, accepting());
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
@@ -127,7 +127,7 @@ fn a_trip_while_the_line_was_down_is_told_as_one_that_nobody_saw_happen() {
 }
 
 #[test]
-fn a_trip_is_told_while_stops_are_refused_and_replies_were_late() {
+fn a_trip_is_reported_while_stops_are_refused_and_replies_were_late() {
     for id in ["teco-e510", "frecon-fr500a"] {
         let model = model(id);
         let control = Some(accepting());
@@ -151,7 +151,7 @@ fn a_trip_is_told_while_stops_are_refused_and_replies_were_late() {
 }
 
 #[test]
-fn a_trip_whose_record_is_being_read_when_the_line_is_left_is_told() {
+fn a_trip_whose_record_is_being_read_when_the_line_is_left_is_reported() {
     let mut rig = running();
     let now = rig.now;
     rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
@@ -165,7 +165,7 @@ fn a_trip_whose_record_is_being_read_when_the_line_is_left_is_told() {
 }
 
 #[test]
-fn a_trip_that_takes_the_power_with_it_is_told_while_the_drive_is_away_and_only_once() {
+fn a_trip_that_takes_the_power_with_it_is_reported_while_the_drive_is_away_and_only_once() {
     for model in models().into_iter().filter(|model| model.trip_register().is_some()) {
         let mut rig = rig_of(&model, accepting());
         let now = rig.now;

@@ -155,7 +155,7 @@ fn cause(model: &Model) -> u16 {
 }
 
 #[test]
-fn every_drive_trips_is_told_once_and_is_reset() {
+fn every_drive_trips_is_reported_once_and_is_reset() {
     each_that_runs(|model| {
         let mut rig = rig(model);
         runs_forward(&mut rig);
@@ -193,7 +193,7 @@ fn every_drive_trips_is_told_once_and_is_reset() {
 }
 
 #[test]
-fn what_a_drive_must_not_be_told_never_reaches_its_line() {
+fn what_a_drive_must_not_be_reported_never_reaches_its_line() {
     each_that_runs(|model| {
         let mut rig = rig(model);
         rig.sent.clear();

@@ -103,7 +103,7 @@ fn it_is_read_at_the_start_and_every_minute() {
 }
 
 #[test]
-fn each_change_is_told_once_and_what_does_not_fit_is_an_alarm() {
+fn each_change_is_reported_once_and_what_does_not_fit_is_an_alarm() {
     for (time, reaction, seen) in [
         (0, 1, WatchdogState::Off),
         (5, 1, WatchdogState::TooShort),
@@ -125,7 +125,7 @@ fn each_change_is_told_once_and_what_does_not_fit_is_an_alarm() {
 }
 
 #[test]
-fn a_gateway_that_falls_silent_lets_the_drive_stop_itself() {
+fn a_gateway_that_goes_silent_lets_the_drive_stop_itself() {
     let mut rig = watched(settings());
     starts(&mut rig);
     rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));

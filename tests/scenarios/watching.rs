@@ -38,7 +38,7 @@ fn a_line_that_is_watched_does_the_same_at_the_same_moments() {
 }
 
 #[test]
-fn all_that_goes_over_the_wire_is_told_once_and_in_order() {
+fn all_that_goes_over_the_wire_is_reported_once_and_in_order() {
     let rig = a_busy_minute(1, true);
     let of = |kind: fn(TrafficKind) -> bool| rig.traffic.iter().filter(move |record| kind(record.kind));
     let requests: Vec<_> = of(|kind| kind == TrafficKind::Request).collect();

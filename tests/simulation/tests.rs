@@ -283,7 +283,7 @@ fn o5_there_is_silence_before_a_frame() {
 
 /// A node talks almost without a pause, with silences of at most 20 ms.
 #[test]
-fn o5_a_stop_goes_over_whoever_talks_for_half_a_second() {
+fn o5_a_stop_goes_over_anyone_who_talks_for_half_a_second() {
     let talks = |trace: Trace, times: usize| {
         (0..times).fold(trace, |mut trace, _| {
             trace.now += 3 * MS;
@@ -476,7 +476,7 @@ fn m3_no_reset_is_left_in_a_run_command() {
 }
 
 #[test]
-fn m4_as_many_trips_are_told_as_there_were() {
+fn m4_as_many_trips_are_reported_as_there_were() {
     let tripped = || Trace::new().sees(State { is_on: true, trips: 1, ..State::default() });
     tripped().tells(1).holds();
     tripped().tells(2).violates("M4");

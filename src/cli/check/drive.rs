@@ -330,7 +330,7 @@ write = ["127.0.0.1/32"]
 "#;
 
     #[test]
-    fn a_start_in_several_words_is_told_with_its_bound() {
+    fn a_start_in_several_words_is_reported_with_its_bound() {
         let model = crate::profile::check::model(include_str!("../../../tests/golden/models/start.toml")).unwrap();
         let mut text = String::new();
         start(&mut text, &model).unwrap();
@@ -340,7 +340,7 @@ write = ["127.0.0.1/32"]
     }
 
     #[test]
-    fn a_drive_is_told_with_all_that_its_model_demands() {
+    fn a_drive_is_reported_with_all_that_its_model_demands() {
         let model = include_str!("../../../tests/golden/models/everything.toml");
         let catalog = Catalog::from_texts([("everything.toml", model)]).unwrap();
         let said = |text: &str| super::super::report(&config::load(text, &catalog).unwrap());

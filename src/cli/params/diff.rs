@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_differs_is_told() {
+    fn only_what_differs_is_reported() {
         let first = dump(&[(1, 10), (2, 20), (3, 30)]);
         let second = dump(&[(1, 10), (2, 21), (4, 40)]);
         let rows: Vec<_> = differences(&first, &second).iter().map(Difference::row).collect();

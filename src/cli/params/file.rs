@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_dump_is_told() {
+    fn what_is_no_dump_is_reported() {
         let text = dump().text();
         for (old, new, told) in [
             ("[drive]", "[drives]", "no `drives`"),

@@ -93,7 +93,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn an_order_is_told_with_register_word_and_frame() {
+    fn an_order_is_reported_with_register_word_and_frame() {
         let frame = json!({ "words": [{ "register": "0x2501", "word": 0 }], "frame": "01 06 25 01 00 00 D2 C6" });
         let look = json!({ "orders": { "stop": [frame] } });
         let said = trial(&look, "stop", &["stop"], "nothing moves");

@@ -268,7 +268,7 @@ fn a_model_without_a_factory_setting_is_looked_for_at_a_usual_one() {
 }
 
 #[test]
-fn everything_else_is_tried_on_request_and_behind_the_factories() {
+fn everything_else_is_tried_on_request_and_after_the_factories() {
     let all = Plan::new(&models(), vec![1], &ScanOptions { everything: true, ..ScanOptions::default() });
     let factory = factory_plan("1");
     let links: Vec<_> = all.settings.iter().map(|setting| setting.link).collect();
@@ -294,7 +294,7 @@ fn everything_else_is_tried_on_request_and_behind_the_factories() {
 }
 
 #[test]
-fn damaged_answers_are_told_from_silence() {
+fn damaged_answers_are_distinguished_from_silence() {
     let plan = factory_plan("3");
     let mut line = Simulated::new(&model("frecon-fr500a"), &[3], "flip=1000".parse().unwrap());
     assert!(line.faulty);

@@ -16,7 +16,7 @@ fn told(change: &Change) -> Vec<String> {
 }
 
 #[test]
-fn what_differs_is_told_and_nothing_else() {
+fn what_differs_is_reported_and_nothing_else() {
     let table: &[(&str, &str, &[&str])] = &[
         ("hall-1\"", "hall-1\"", &[]),
         ("[gateway]", "[gateway]\non_removal = \"stop\"", &["gateway: changed"]),

@@ -187,7 +187,7 @@ fn what_concerns_mqtt_only_is_not_there_without_it() {
 }
 
 #[test]
-fn a_run_that_waited_unnoticed_at_the_broker_is_told_from_one_after_a_stop() {
+fn a_run_that_waited_unnoticed_at_the_broker_is_distinguished_from_one_after_a_stop() {
     let text = |control: &str, mqtt: &str| with(&control_with(control), "[mqtt]\n", &format!("[mqtt]\n{mqtt}\n"));
     only(
         &text("restart_delay = '2s'", ""),
@@ -217,7 +217,7 @@ fn a_run_that_waited_unnoticed_at_the_broker_is_told_from_one_after_a_stop() {
 }
 
 #[test]
-fn a_run_of_the_page_that_waited_unnoticed_is_told_from_one_after_a_stop() {
+fn a_run_of_the_page_that_waited_unnoticed_is_distinguished_from_one_after_a_stop() {
     let text = |delay: &str| {
         let text = control_with(&format!("restart_delay = '{delay}'"));
         with(&text, "\"mqtt\", \"modbus-tcp\"", "'page'")

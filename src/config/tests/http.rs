@@ -48,7 +48,7 @@ fn who_may_sign_in_is_listed() {
 }
 
 #[test]
-fn whoever_is_elsewhere_is_let_in_by_name_and_signs_in_through_tls() {
+fn anyone_who_is_elsewhere_is_let_in_by_name_and_signs_in_through_tls() {
     let tls = "[http.tls]\ncert_file = '/tls/cert.pem'\nkey_file = '/tls/key.pem'";
     let text = |listen: &str, more: &str| with_http(&format!("listen = '{listen}'\n{more}"));
     let user = format!("[[http.users]]\n{}", anna());

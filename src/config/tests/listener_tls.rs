@@ -111,7 +111,7 @@ fn a_right_that_no_role_or_no_drive_can_use_is_refused() {
 }
 
 #[test]
-fn whoever_may_start_may_stop_without_a_list_as_well() {
+fn anyone_who_may_start_may_stop_without_a_list_as_well() {
     only(
         &secured("allow = ['10.0.0.0/24']\nstop = ['10.0.0.0/25']", OPERATOR),
         "modbus_tcp[0].stop: without `write` all of 10.0.0.0/24 may write, and it is not in `stop`: a client that may start \

@@ -155,7 +155,7 @@ fn only(text: &str, expected: &str) {
 }
 
 #[test]
-fn settings_are_told_apart_by_what_they_say_and_not_by_how() {
+fn settings_are_distinguished_by_what_they_say_and_not_by_how() {
     let catalog = vendors::catalog();
     let digest = |text: &str| load(text, &catalog).unwrap().digest;
     let first = digest(MINIMAL);
@@ -404,7 +404,7 @@ fn a_unit_belongs_to_one_drive_of_a_listener() {
 }
 
 #[test]
-fn a_unit_taken_by_a_station_on_the_same_line_is_told() {
+fn a_unit_taken_by_a_station_on_the_same_line_is_reported() {
     let text = drive_with("[[line.drive]]\nname = 'pump-2'\nmodel = 'hyundai-n700'\nstation = 2\nunit = 1");
     only(
         &text,
@@ -429,7 +429,7 @@ fn units_are_required_where_lines_share_a_listener() {
 }
 
 #[test]
-fn a_listener_without_a_free_unit_is_told_so() {
+fn a_listener_without_a_free_unit_is_reported_so() {
     let mut text = TWO_LINES.replace("unit = 2\n", "").replace("unit = 1\n", "unit = 1\nuniform_unit = 2\n");
     for station in 2..=123 {
         let model = if station <= 32 { "hyundai-n700" } else { "acme-one" };

@@ -21,7 +21,7 @@ fn nobody_may_write_unless_it_is_said() {
 }
 
 #[test]
-fn whoever_may_write_can_connect() {
+fn anyone_who_may_write_can_connect() {
     for (key, more) in [("write", ""), ("stop", "\nwrite = ['10.0.0.10/32']")] {
         let list = |list: &str| rights(&format!("allow = ['10.0.0.0/24', '10.1.0.0/24']\n{key} = [{list}]{more}"));
         let found = problems(&list("'10.0.0.0/24', '10.2.0.1/32'"));
@@ -42,7 +42,7 @@ fn whoever_may_write_can_connect() {
 }
 
 #[test]
-fn whoever_may_start_may_stop() {
+fn anyone_who_may_start_may_stop() {
     only(
         &rights("write = ['127.0.0.0/8']\nstop = ['127.0.0.1/32']"),
         "modbus_tcp[0].write[0]: 127.0.0.0/8 may write and is not in `stop`: a client that may start must be allowed to stop; \
@@ -173,7 +173,7 @@ fn units_that_are_served_are_units_of_drives() {
 }
 
 #[test]
-fn whoever_is_to_command_a_drive_reaches_one_of_its_units() {
+fn anyone_who_is_to_command_a_drive_reaches_one_of_its_units() {
     for unit in [1, 101] {
         good(&rights(&format!("write = ['127.0.0.1/32']\nunits = [{unit}]")));
     }

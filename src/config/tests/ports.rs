@@ -9,7 +9,7 @@ fn line_at(port: &str, keys: &str) -> String {
 }
 
 #[test]
-fn a_port_that_is_none_is_told_with_what_would_be_right() {
+fn a_port_that_is_none_is_reported_with_what_would_be_right() {
     let right = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\", or a serial device server, as \
                  \"tcp://10.0.0.7:4001\"";
     only(&line_at("ttyUSB0", ""), &format!("line[0].port: `ttyUSB0` is not an absolute path; {right}"));

@@ -82,7 +82,7 @@ fn what_was_confirmed_is_accepted_for_that_drive_as_it_was() {
 }
 
 #[test]
-fn what_no_longer_counts_is_told_and_keeps_no_gateway_from_starting() {
+fn what_no_longer_counts_is_reported_and_keeps_no_gateway_from_starting() {
     let digest = catalog().find("toshiba-vf-s15").unwrap().digest;
     let void = tried(&[ControlAction::Basic], digest ^ 1);
     let (control, warnings) = loaded(&text(""), Ok(&void)).unwrap();

@@ -16,7 +16,7 @@ fn a_uniform_unit_lies_100_above_unless_it_is_given() {
 }
 
 #[test]
-fn a_default_beyond_the_last_unit_is_told() {
+fn a_default_beyond_the_last_unit_is_reported() {
     let beyond = |unit| {
         format!(
             "line[0].drive[0].uniform_unit: `uniform_unit` is left out, and its default of {unit} + 100 is beyond 247; \

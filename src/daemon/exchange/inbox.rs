@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_of_those_put_together_is_told() {
+    fn what_does_not_fit_of_those_put_together_is_reported() {
         let inbox = Inbox::default();
         let room = INBOX_MAX + COMMANDS_MAX + STOPS_MAX;
         (1..room).for_each(|_| inbox.put(stop()).unwrap());

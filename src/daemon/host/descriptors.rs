@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_is_raised_and_told() {
+    fn the_limit_is_raised_and_reported() {
         let room = room_for_connections();
         let limit = getrlimit(Resource::Nofile);
         assert_eq!(room, connections(limit.current.unwrap_or(u64::MAX)));

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_told_is_said() {
+    fn what_cannot_be_reported_is_said() {
         let documents = Documents::new(state(false));
         let (status, body) = told(&documents, "/api/v1/lines/attic/report");
         assert_eq!((status, &body["lines"]), (404, &serde_json::json!(["hall-1"])));

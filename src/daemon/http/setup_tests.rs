@@ -189,7 +189,7 @@ fn a_drive_that_the_bus_overrules_says_so() {
 }
 
 #[test]
-fn exactly_what_is_named_is_ordered_and_told_with_old_and_new() {
+fn exactly_what_is_named_is_ordered_and_reported_with_old_and_new() {
     let side = side(Interface::Rs485, |_| {});
     let drive = Drive::holding(&[(F010, 3), (F011, 2)]);
     let (status, answer) = on_a_runtime(async {
@@ -219,7 +219,7 @@ fn what_the_model_does_not_ask_to_be_set_is_never_ordered() {
 }
 
 #[test]
-fn an_unknown_drive_is_told_which_there_are() {
+fn an_unknown_drive_is_reported_with_the_known_ones() {
     let side = side(Interface::Rs485, |_| {});
     on_a_runtime(async {
         for (method, body) in [("GET", ""), ("POST", r#"{"addresses": [529]}"#)] {

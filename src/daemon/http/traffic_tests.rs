@@ -120,7 +120,7 @@ fn frames_come_in_words_with_their_numbers() {
 }
 
 #[test]
-fn who_comes_back_goes_on_and_is_told_what_was_lost() {
+fn who_comes_back_goes_on_and_is_reported_what_was_lost() {
     on_a_runtime(async {
         let line = line();
         let address = serve(&state(&line)).await;

@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_and_times_are_told_apart() {
+    fn moments_and_times_are_distinguished() {
         assert!(matches!(Since::parse("2026-01-31T08:00"), Ok(Since::At(_))));
         assert!(matches!(Since::parse("7d"), Ok(Since::Ago(604_800_000))));
         for wrong in ["", "7", "d", "7 d", "7w", "99999999999999999999d", "9223372036854775807d"] {

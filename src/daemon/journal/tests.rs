@@ -584,7 +584,7 @@ fn a_journal_that_cannot_be_written_keeps_the_newest_and_goes_on_by_itself() {
 }
 
 #[test]
-fn nobody_is_told_more_than_he_has_room_for() {
+fn nobody_is_reported_more_than_he_has_room_for() {
     let place = Place::new();
     let mut rig = Rig::start(&place);
     for count in 1..=40 {

@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn each_reason_is_told_once_until_the_port_proves_good() {
+    fn each_reason_is_reported_once_until_the_port_proves_good() {
         let mut told = LoggedFaults::default();
         for reason in ["gone", "no such file"] {
             assert!(told.is_new(reason.to_owned()), "{reason}");
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_adapter_that_stays_open_is_not_told_of_again() {
+    fn a_silent_adapter_that_stays_open_is_not_reported_again() {
         let mut told = LoggedFaults { reopened: Some(LineFault::Mute), ..LoggedFaults::default() };
         told.has_lasted();
         assert!(!told.is_empty());

@@ -145,7 +145,7 @@ fn a_listener_has_its_own_limit_and_those_who_leave_make_room() {
 }
 
 #[test]
-fn whoever_leaves_the_most_unread_is_closed_when_all_together_leave_too_much() {
+fn anyone_who_leaves_the_most_unread_is_closed_when_all_together_leave_too_much() {
     play(100, with_priority(), |crowd| async move {
         let mut clients = crowd.silent(3).await;
         let mut urgent = crowd.connect_from(URGENT).await;

@@ -206,7 +206,7 @@ fn both_versions_are_served_and_nothing_is_resumed() {
 }
 
 #[test]
-fn whoever_does_not_prove_itself_is_told_why() {
+fn anyone_who_does_not_prove_itself_gets_the_reason() {
     play(async |secured: Secured| {
         let common = |params: &mut rcgen::CertificateParams| params.distinguished_name.push(DnType::CommonName, "x");
         let issue = |edit: &dyn Fn(&mut rcgen::CertificateParams)| {
@@ -330,7 +330,7 @@ fn a_client_that_reads_late_gets_everything_in_order() {
 }
 
 #[test]
-fn a_request_right_behind_the_handshake_is_answered() {
+fn a_request_right_after_the_handshake_is_answered() {
     play(async |secured: Secured| {
         let config = secured.config(Some(&secured.clients.client("scada", "viewer")), &[&version::TLS13]);
         let mut session = ClientConnection::new(config, name()).unwrap();

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn waits_double_up_to_a_limit_and_start_anew_after_a_good_life() {
+    fn waits_double_up_to_a_limit_and_start_again_after_a_good_life() {
         let mut back_off = BackOff::new(1);
         assert_waits(&mut back_off, Ended::Broken(SECOND * 4), &[200, 400, 800, 1600, 3000, 3000]);
         assert_waits(&mut back_off, Ended::Broken(SECOND * 5), &[200]);

@@ -221,7 +221,7 @@ async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
 }
 
 #[tokio::test]
-async fn an_attempt_that_ends_before_connect_is_told_as_unsent() {
+async fn an_attempt_that_ends_before_connect_is_reported_as_unsent() {
     let rig = Rig::default();
     let tls = TlsSettings { ca_file: Some("/no/such/authority.pem".into()), ..TlsSettings::default() };
     let settings = ConnectionSettings { tls: Some(tls), ..settings("127.0.0.1:1".parse().unwrap(), Version::V5) };
@@ -419,7 +419,7 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
 }
 
 #[tokio::test]
-async fn a_refused_filter_is_told_in_its_place() {
+async fn a_refused_filter_is_reported_in_its_place() {
     for version in VERSIONS {
         let filters = filters(&["a/+/set", "b/#"]);
         let stub = Stub::new(version).await;
@@ -873,7 +873,7 @@ const fn options_of(version: Version) -> u8 {
 }
 
 #[tokio::test]
-async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_told_as_it_is() {
+async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_reported_as_it_is() {
     for version in VERSIONS {
         for codes in [&[1][..], &[1, 1, 1]] {
             let filters = filters(&["a/+/set", "b/#"]);

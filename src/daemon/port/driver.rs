@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_without_rs485_is_told_with_the_call_and_what_would_be_right() {
+    fn a_driver_without_rs485_is_reported_with_the_call_and_what_would_be_right() {
         let pty = Pty::new().unwrap();
         let port = std::fs::File::open(pty.path()).unwrap();
         let told = turn_direction(port.as_fd()).unwrap_err();
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_that_holds_bytes_back_is_told_with_what_to_do() {
+    fn an_adapter_that_holds_bytes_back_is_reported_with_what_to_do() {
         let file = Path::new("/sys/class/tty/ttyUSB0/device/latency_timer");
         let told = latency_text("16\n", file).unwrap();
         assert!(told.contains("16 ms") && told.contains("write 1 to /sys/class/tty/ttyUSB0/device"), "{told}");

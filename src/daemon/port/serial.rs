@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_port_that_is_not_there_is_told_as_the_system_tells_it() {
+    async fn a_port_that_is_not_there_is_reported_as_the_system_tells_it() {
         let missing = opened(Path::new("/dev/no-such-port"), |_| {}).unwrap_err().to_string();
         assert!(missing.contains("No such file"), "{missing}");
     }
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_port_that_cannot_turn_the_direction_is_told_with_the_call() {
+    async fn a_port_that_cannot_turn_the_direction_is_reported_with_the_call() {
         let pty = Pty::new().unwrap();
         for (direction, call) in [(DirectionControl::Kernel, "TIOCSRS485"), (DirectionControl::Rts, "TIOCMBIC")] {
             let told = opened(pty.path(), |it| it.direction = direction).unwrap_err();

@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn bytes_go_both_ways_and_the_end_is_told() {
+    async fn bytes_go_both_ways_and_the_end_is_reported() {
         for (bind, host) in [("127.0.0.1:0", "127.0.0.1"), ("127.0.0.1:0", "localhost"), ("[::1]:0", "::1")] {
             // Skipped on a machine without IPv6.
             let Ok(server) = TcpListener::bind(bind) else { continue };
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_peer_that_takes_no_bytes_is_told_as_such() {
+    async fn a_peer_that_takes_no_bytes_is_reported_as_such() {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
         let mut port = opened("127.0.0.1", server.local_addr().unwrap().port()).await.unwrap();
         let peer = server.accept().unwrap().0;

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_whose_thread_does_not_come_round_ends_the_signs_of_life() {
+    fn a_line_whose_thread_does_not_come_round_ends_the_heartbeats() {
         let good = line(1, "good");
         let bad = line(2, "bad");
         let lines = [Arc::clone(&good), Arc::clone(&bad)];

@@ -55,7 +55,7 @@ fn neighbours_that_are_due_together_go_together_whatever_their_class() {
 }
 
 #[test]
-fn a_line_that_fell_behind_keeps_its_phase_and_does_not_catch_up() {
+fn a_line_that_is_late_keeps_its_phase_and_does_not_catch_up() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(
         &model(),

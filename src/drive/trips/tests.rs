@@ -47,7 +47,7 @@ fn a_rise_is_read_as_a_record_between_two_equal_counts() {
 }
 
 #[test]
-fn a_record_that_does_not_belong_to_its_count_is_read_anew() {
+fn a_record_that_does_not_belong_to_its_count_is_read_again() {
     let mut watch = watch(3);
     watch.one(COUNT, &[4], at(1));
     watch.one(0x0113, &RECORD, at(2));
@@ -57,7 +57,7 @@ fn a_record_that_does_not_belong_to_its_count_is_read_anew() {
 }
 
 #[test]
-fn a_drive_that_trips_on_and_on_is_told_all_the_same() {
+fn a_drive_that_trips_on_and_on_is_reported_all_the_same() {
     let mut watch = watch(0);
     let events = (1..20).filter_map(|count| {
         watch.one(0x0113, &RECORD, at(2));
@@ -82,7 +82,7 @@ fn a_fall_is_a_new_baseline() {
 }
 
 #[test]
-fn a_count_that_jumps_is_told_only_when_it_was_read_again() {
+fn a_count_that_jumps_is_reported_only_when_it_was_read_again() {
     let mut watch = watch(9);
     assert_eq!(watch.one(COUNT, &[9], at(1)), None);
     assert_eq!(watch.one(COUNT, &[22_720], at(2)), None);
@@ -156,7 +156,7 @@ fn whether_it_is_tripped_is_unknown_at_start_and_after_it_was_away() {
 }
 
 #[test]
-fn a_record_that_no_second_count_has_confirmed_is_not_told_with_a_trip() {
+fn a_record_that_no_second_count_has_confirmed_is_not_reported_with_a_trip() {
     let mut watch = watch(1);
     watch.one(COUNT, &[3], at(1));
     watch.one(0x0113, &RECORD, at(2));
@@ -174,7 +174,7 @@ const STATUS: u16 = 0x2100;
 const TRIPPED: u16 = 0b1000;
 
 #[test]
-fn a_trip_that_begins_to_hold_is_told_once_with_its_record() {
+fn a_trip_that_begins_to_hold_is_reported_once_with_its_record() {
     let mut watch = flagged();
     assert_eq!(watch.one(STATUS, &[0], at(0)), None);
     assert_eq!(watch.one(STATUS, &[TRIPPED], at(1)), None);
@@ -187,7 +187,7 @@ fn a_trip_that_begins_to_hold_is_told_once_with_its_record() {
 }
 
 #[test]
-fn a_trip_that_held_before_the_drive_was_seen_is_shown_and_not_told() {
+fn a_trip_that_held_before_the_drive_was_seen_is_shown_and_not_reported() {
     let mut watch = flagged();
     watch.one(STATUS, &[TRIPPED], at(0));
     assert_eq!(watch.one(0x0113, &RECORD, at(1)), None);
@@ -196,7 +196,7 @@ fn a_trip_that_held_before_the_drive_was_seen_is_shown_and_not_told() {
 }
 
 #[test]
-fn a_trip_that_is_gone_before_its_record_was_read_is_told_all_the_same() {
+fn a_trip_that_is_gone_before_its_record_was_read_is_reported_all_the_same() {
     let mut watch = flagged();
     watch.one(STATUS, &[0], at(0));
     watch.one(STATUS, &[TRIPPED], at(1));
@@ -208,7 +208,7 @@ fn a_trip_that_is_gone_before_its_record_was_read_is_told_all_the_same() {
 }
 
 #[test]
-fn a_trip_that_came_while_the_drive_was_away_is_told_and_one_that_stayed_is_not() {
+fn a_trip_that_came_while_the_drive_was_away_is_reported_and_one_that_stayed_is_not() {
     for (before, is_told) in [(0, true), (TRIPPED, false)] {
         let mut watch = flagged();
         watch.one(STATUS, &[before], at(0));
@@ -221,7 +221,7 @@ fn a_trip_that_came_while_the_drive_was_away_is_told_and_one_that_stayed_is_not(
 }
 
 #[test]
-fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_told_at_once_and_only_once() {
+fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_reported_at_once_and_only_once() {
     for back in [0, TRIPPED] {
         let mut watch = flagged();
         assert_eq!(told(&mut watch, &[0, TRIPPED]), []);
@@ -237,7 +237,7 @@ fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_told_at_once_a
 }
 
 #[test]
-fn a_number_that_was_read_beside_the_record_is_told_with_a_trip_that_ends_unread() {
+fn a_number_that_was_read_beside_the_record_is_reported_with_a_trip_that_ends_unread() {
     let mut watch = flagged();
     told(&mut watch, &[0, TRIPPED]);
     assert_eq!(watch.one(0x0113, &[7], at(2)), None);
@@ -245,7 +245,7 @@ fn a_number_that_was_read_beside_the_record_is_told_with_a_trip_that_ends_unread
 }
 
 #[test]
-fn what_nobody_will_read_any_more_is_told_and_what_was_told_is_not() {
+fn what_nobody_will_read_any_more_is_reported_and_what_was_reported_is_not() {
     let mut watch = flagged();
     told(&mut watch, &[0, TRIPPED]);
     assert_eq!(trips(watch.tell_unread()), (1, None));
@@ -292,7 +292,7 @@ fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)
 }
 
 #[test]
-fn a_trip_right_behind_one_that_ended_unread_is_another_trip() {
+fn a_trip_right_after_one_that_ended_unread_is_another_trip() {
     let mut watch = flagged();
     assert_eq!(told(&mut watch, &[0, TRIPPED, 0, TRIPPED]), [("tripped", at(1)), ("cleared", at(2))]);
     assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)), "the record of the second");
@@ -344,7 +344,7 @@ fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: O
 }
 
 #[test]
-fn what_was_counted_while_nobody_looked_is_told_with_its_record() {
+fn what_was_counted_while_nobody_looked_is_reported_with_its_record() {
     let mut watch = remembering(TripWatch::new(&model()), Some(3), None, None);
     assert_eq!(watch.one(COUNT, &[5], at(0)), None);
     assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)));
@@ -375,7 +375,7 @@ fn a_count_that_falls_before_the_record_was_read_takes_no_trip_with_it() {
 }
 
 #[test]
-fn a_trip_that_holds_at_start_is_told_unless_it_was_told_already() {
+fn a_trip_that_holds_at_start_is_reported_unless_it_was_reported_already() {
     for (held, code, is_told) in [
         (None, None, true),
         (Some(false), None, true),
@@ -395,7 +395,7 @@ fn a_trip_that_holds_at_start_is_told_unless_it_was_told_already() {
 }
 
 #[test]
-fn the_end_of_a_trip_that_came_while_nobody_looked_is_told() {
+fn the_end_of_a_trip_that_came_while_nobody_looked_is_reported() {
     let mut watch = remembering(flagged(), None, Some(true), Some(7));
     assert_eq!(watch.one(STATUS, &[0], at(0)).unwrap().kind, TripEventKind::Cleared);
     let mut watch = remembering(flagged(), None, Some(false), Some(7));
@@ -403,7 +403,7 @@ fn the_end_of_a_trip_that_came_while_nobody_looked_is_told() {
 }
 
 #[test]
-fn another_trip_that_came_while_the_drive_was_away_is_told() {
+fn another_trip_that_came_while_the_drive_was_away_is_reported() {
     let mut watch = flagged();
     watch.one(STATUS, &[0], at(0));
     watch.one(STATUS, &[TRIPPED], at(1));
@@ -442,7 +442,7 @@ fn a_reading_that_may_be_another_drives_makes_no_trip_and_no_end_of_one_but_doub
 }
 
 #[test]
-fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_told_without_its_record() {
+fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_reported_without_its_record() {
     let mut watch = flagged();
     assert_eq!(watch.one(STATUS, &[0], at(0)), None);
     assert_eq!(watch.one(STATUS, &[TRIPPED], at(1)), None, "its record is read first");
@@ -452,7 +452,7 @@ fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_told_without_its_rec
 }
 
 #[test]
-fn a_count_that_was_read_only_once_before_the_doubt_is_told_when_it_was_read_again() {
+fn a_count_that_was_read_only_once_before_the_doubt_is_reported_when_it_was_read_again() {
     let mut watch = watch(3);
     assert_eq!(watch.one(COUNT, &[4], at(1)), None);
     assert_eq!(watch.take_unsure(COUNT.into(), &[4]), None, "perhaps the other drive's count");

@@ -166,7 +166,7 @@ fn an_exception_counts_once_silence_follows_it() {
 
 /// The beginning of a truncated reply followed by the beginning of the reply itself, with a valid CRC by chance.
 #[test]
-fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_behind_it() {
+fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_after_it() {
     let two_words = || exchange(Request::Read { address: 0x0101_u16.into(), count: 2 }, false);
     let (cut, high) = (0..=u16::MAX)
         .find_map(|word| {

@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_exception_is_told() {
+    fn the_worst_exception_is_reported() {
         let order = [None, Some(1), Some(2), Some(3), Some(6), Some(0x21), Some(0x0A), Some(4), Some(0x0B)];
         for (place, better) in order.iter().enumerate() {
             for bad in &order[place..] {

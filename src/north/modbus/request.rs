@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_quantity_is_03_and_told_before_a_wrong_address() {
+    fn a_wrong_quantity_is_03_and_reported_before_a_wrong_address() {
         for function in [3, 4] {
             for (address, count) in [(0, 0), (0, 126), (0, 0xFFFF), (0xFFFF, 0), (0xFFFF, 126)] {
                 assert_eq!(parse(&read(function, address, count)), Err(3), "{address} {count}");

@@ -173,7 +173,7 @@ fn history(acts: &[Act]) -> Vec<(Value, u64)> {
 }
 
 #[test]
-fn changes_of_an_outage_are_told_behind_the_present() {
+fn changes_of_an_outage_are_reported_after_the_present() {
     let mut rig = keeping(100);
     rig.handle(Event::Lost);
     rig.acts();

@@ -101,7 +101,7 @@ fn commands_and_reads_are_answered_whatever_is_published() {
 }
 
 #[test]
-fn what_changed_in_an_outage_is_told_though_its_topic_is_left_out() {
+fn what_changed_in_an_outage_is_reported_though_its_topic_is_left_out() {
     let mut rig = Rig::with(Settings { publish: vec![Tree::State], keep_telemetry: 10, ..settings(Version::V5) });
     rig.poll(0, 3_000);
     rig.connect();

@@ -140,7 +140,7 @@ fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
 }
 
 #[test]
-fn a_lost_probe_ends_the_connection_and_the_signs_of_life() {
+fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
     let mut rig = Rig::born(Version::V5);
     let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     let acts = rig.pass(20_000);

@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_are_told_apart_and_nothing_else_is_one() {
+    fn inputs_are_distinguished_and_nothing_else_is_one() {
         let topics = topics();
         let table = [
             ("vfd/plant/probe", Some(Inbound::Probe)),

@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moment_is_never_told_as_a_later_one() {
+    fn a_moment_is_never_reported_as_a_later_one() {
         let moments = Moments::new(7);
         let now = NOW + Duration::from_nanos(999_999);
         assert_eq!(moments.at(now), moments.at(NOW));

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_signs_out_or_is_gone_has_none() {
+    fn anyone_who_signs_out_or_is_gone_has_none() {
         let mut sessions = Sessions::default();
         let bob = CommanderName::new("bob").unwrap();
         for (number, user) in [(1, anna()), (2, anna()), (3, bob)] {

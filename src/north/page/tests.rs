@@ -170,7 +170,7 @@ fn a_drive_that_cannot_be_asked_is_offline() {
 }
 
 #[test]
-fn trips_are_told_once_with_their_text_and_their_end() {
+fn trips_are_reported_once_with_their_text_and_their_end() {
     let description = description("toshiba-vf-s15");
     let before = view(&description, 0);
     let mut after = before.clone();
@@ -245,7 +245,7 @@ fn every_model_has_its_setup_judged_where_it_is_polled() {
 }
 
 #[test]
-fn a_watchdog_a_stop_without_effect_and_a_refusal_are_told() {
+fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     let description = description("hyundai-n700");
     let mut view = view(&description, 3);
     view.watchdog = Some(WatchdogView { state: WatchdogState::Off, ..WatchdogView::default() });
@@ -294,7 +294,7 @@ fn a_value_says_how_often_it_is_read() {
 }
 
 #[test]
-fn a_setpoint_outside_the_limits_is_told() {
+fn a_setpoint_outside_the_limits_is_reported() {
     let description = description("hyundai-n700");
     let mut view = view(&description, 3);
     view.snapshot.take(SETTING.into(), &[6000], NOW);

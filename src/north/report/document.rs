@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_good_line_is_told_in_numbers() {
+    fn a_good_line_is_reported_in_numbers() {
         let told = document(&line_name(), &Wiring::default(), &good());
         assert_eq!(told["link"], "9600 8N1");
         assert_eq!((&told["state"], &told["reason"], &told["suspicion"]), (&"up".into(), &Value::Null, &Value::Null));

@@ -224,7 +224,7 @@ fn stop_for_all_stops_those_that_a_host_may_command() {
 }
 
 #[test]
-fn what_becomes_of_a_command_is_told_at_each_stage_and_counted() {
+fn what_becomes_of_a_command_is_reported_at_each_stage_and_counted() {
     let (mut rig, births) = born();
     let acts = rig.command(vec![text("run/set", "forward")]);
     let ticket = commands(&acts)[0].ticket;

@@ -314,7 +314,7 @@ fn values_stand_in_the_order_in_which_they_came_about() {
 /// -host-offline-reconnect, -host-offline-timestamp,
 /// tck-id-operational-behavior-edge-node-intentional-disconnect-ndeath.
 #[test]
-fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_built_anew() {
+fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_made_again() {
     let mut rig = Rig::born();
     assert_eq!(rig.host(false, 0), [], "older than its birth");
     let acts = rig.host(false, 1);
@@ -336,7 +336,7 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_bu
 /// What happened in between, in order, after the births. The specification explains `is_historical` and has no id for
 /// it.
 #[test]
-fn what_happened_while_no_host_was_there_is_told_as_history() {
+fn what_happened_while_no_host_was_there_is_reported_as_history() {
     let mut rig = Rig::born();
     rig.pass(500);
     rig.handle(Event::Lost);
@@ -402,7 +402,7 @@ fn history_comes_in_messages_as_large_as_the_broker_takes() {
 }
 
 #[test]
-fn what_a_dying_broker_may_not_have_passed_on_is_told_again() {
+fn what_a_dying_broker_may_not_have_passed_on_is_reported_again() {
     let mut rig = Rig::born();
     rig.pass(2_000);
     rig.is_deaf = true;
@@ -423,7 +423,7 @@ fn what_a_dying_broker_may_not_have_passed_on_is_told_again() {
 }
 
 #[test]
-fn a_probe_that_does_not_come_back_ends_the_connection_and_signs_of_life_come_with_probes_alone() {
+fn a_probe_that_does_not_come_back_ends_the_connection_and_heartbeats_come_with_probes_alone() {
     let mut rig = Rig::born();
     let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
     assert!(alive(&rig.pass(5_000)) >= 4);

@@ -208,7 +208,7 @@ fn writes_say_what_is_ordered_and_what_the_drive_holds() {
 }
 
 #[test]
-fn a_run_word_is_told_by_its_bits_and_fields() {
+fn a_run_word_is_reported_by_its_bits_and_fields() {
     use crate::profile::check;
     let told = |text: &str, word: u16| {
         let drive = KnownDrive { model: Arc::new(check::model(text).unwrap()), ..drive("hyundai-n700", 1) };

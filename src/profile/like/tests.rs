@@ -105,7 +105,7 @@ fn a_circle_is_refused_and_so_is_a_long_way() {
 }
 
 #[test]
-fn mistakes_in_what_is_named_are_told() {
+fn mistakes_in_what_is_named_are_reported() {
     for (more, expected) in [
         (
             "without = [\"register.output_frequencie\"]\n",
@@ -145,7 +145,7 @@ fn mistakes_in_what_is_named_are_told() {
 }
 
 #[test]
-fn mistakes_in_what_is_taken_over_are_told_with_file_and_line() {
+fn mistakes_in_what_is_taken_over_are_reported_with_file_and_line() {
     let register = "[documents]\nLM = \"Mine\"\n[[register]]\nname = \"status\"\ntitle = \"Status\"\naddress = 0x0101\nunit = \"-\"\n\
                     access = \"read\"\nconfidence = \"manual\"\nsource = \"LM 1\"\n";
     let line = MODEL.lines().position(|line| line.starts_with("address")).unwrap() + 1;

@@ -88,7 +88,7 @@ mod tests {
     use crate::profile::testing::EVERYTHING;
 
     #[test]
-    fn what_decides_more_than_itself_is_told_apart() {
+    fn what_decides_more_than_itself_is_distinguished() {
         let model = check::model(EVERYTHING).unwrap();
         let kind = |name: &str| model.register_named(name).unwrap().parameter_kind();
         assert_eq!(kind("run_command"), ParameterKind::Command);

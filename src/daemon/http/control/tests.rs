@@ -176,7 +176,7 @@ fn owner(name: &str) -> Owner {
 }
 
 #[test]
-fn orders_go_to_the_line_under_the_name_of_whoever_is_signed_in() {
+fn orders_go_to_the_line_under_the_name_of_anyone_who_is_signed_in() {
     on_a_runtime(async {
         let house = house_of(&["anna"]);
         let head = house.sign_in("anna").await;
@@ -325,7 +325,7 @@ fn a_session_and_the_events_hand_out_the_moment_that_an_order_names() {
 }
 
 #[test]
-fn a_new_front_signs_out_whoever_is_not_in_it_any_more() {
+fn a_new_front_signs_out_anyone_who_is_not_in_it_any_more() {
     on_a_runtime(async {
         let house = house_of(&["anna", "bob", "carl"]);
         let anna = house.sign_in("anna").await;
@@ -467,7 +467,7 @@ fn a_full_house_has_room_for_one_more() {
 }
 
 #[test]
-fn files_that_cannot_be_used_are_all_told() {
+fn files_that_cannot_be_used_all_get_an_answer() {
     let mut wrong = settings(&["anna"]);
     wrong.users[0].hash = HashSource::File("/nonexistent/anna.hash".into());
     let cert_file = "/nonexistent/cert.pem".into();

@@ -115,7 +115,7 @@ fn the_state_comes_first_and_then_what_has_changed() {
 }
 
 #[test]
-fn a_trip_is_told_once_to_each_who_listens() {
+fn a_trip_is_reported_once_to_each_who_listens() {
     on_a_runtime(async {
         let state = state(false);
         show(&state, online(clock::now(), 10));
@@ -143,7 +143,7 @@ fn a_trip_is_told_once_to_each_who_listens() {
 }
 
 #[test]
-fn in_silence_there_are_signs_of_life() {
+fn in_silence_there_are_heartbeats() {
     on_a_runtime(async {
         let address = serve(&state(false), Patience::default()).await;
         let (_, mut listening) = Listening::connect(address).await;
@@ -155,7 +155,7 @@ fn in_silence_there_are_signs_of_life() {
 }
 
 #[test]
-fn another_configuration_is_told_with_its_state() {
+fn another_configuration_is_reported_with_its_state() {
     on_a_runtime(async {
         let state = state(false);
         let address = serve(&state, Patience::default()).await;

@@ -10,7 +10,7 @@ async fn answer(peer: &mut Peer, identifier: u16, reason: u8) {
 }
 
 #[tokio::test]
-async fn a_refused_publication_is_told_with_what_it_means() {
+async fn a_refused_publication_is_reported_with_what_it_means() {
     let version = Version::V5;
     let reasons = [
         (0x80, Refusal::Failed),
@@ -44,7 +44,7 @@ async fn a_refused_publication_is_told_with_what_it_means() {
 }
 
 #[tokio::test]
-async fn a_publication_with_a_token_that_cannot_be_sent_is_told_as_refused() {
+async fn a_publication_with_a_token_that_cannot_be_sent_is_reported_as_refused() {
     for version in VERSIONS {
         let wild = Publication { qos: Qos::AtLeastOnce, token: Some(3), ..text("a/#", "") };
         let stub = Stub::new(version).await;

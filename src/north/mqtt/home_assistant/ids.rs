@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn own_topics_are_told_from_others() {
+    fn own_topics_are_distinguished_from_others() {
         let node = node(&name("plant.a"));
         assert_eq!(node, "vfd-gateway-plant_-a");
         let own = topic("ha/disco", "sensor", &node, "drive_pump_current");

@@ -362,7 +362,7 @@ fn a_flood_under_our_node_is_bounded() {
 }
 
 #[test]
-fn a_broker_that_keeps_nothing_is_told_all_the_same() {
+fn a_broker_that_keeps_nothing_is_reported_all_the_same() {
     let mut home = Home::new(speaking(Version::V5));
     home.rig.broker.retains = false;
     home.granted = false;
