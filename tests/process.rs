@@ -25,6 +25,7 @@
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
 //! | `documents` | the reference lists every command, option and key, and the links of all documents lead somewhere |
 //! | `guides` | the guides under `docs/` do as they say |
+//! | `new_models` | `models new`: from answers, with a drive that is read meanwhile, from a device template |
 //! | `manual` | completions, manual pages and `map` |
 //! | `containers` | what the Dockerfile and its guide say of the program is true |
 //! | `topics` | the topic tree for subscribers, and trips |
@@ -38,6 +39,7 @@
 //! | `liars` | a broker that answers a subscription wrongly or not at all, or loses the probe, is given up and asked again |
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
+//! | `certificates` | the certificate of the page: made, trusted by OpenSSL, renewed, and its authority served |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `page_control` | control from the page: sign-in, what is refused, and what happens when the page is gone |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
@@ -88,6 +90,8 @@ mod browser;
 mod burdening;
 #[path = "process/capturing.rs"]
 mod capturing;
+#[path = "process/certificates.rs"]
+mod certificates;
 #[path = "process/checking.rs"]
 mod checking;
 #[path = "process/clients.rs"]
@@ -152,6 +156,8 @@ mod losing;
 mod manual;
 #[path = "process/network.rs"]
 mod network;
+#[path = "process/new_models.rs"]
+mod new_models;
 #[path = "process/node_red.rs"]
 mod node_red;
 #[path = "process/overseeing.rs"]

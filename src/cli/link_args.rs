@@ -1,6 +1,6 @@
 //! Settings of a serial line, as arguments of the tools that open one themselves.
 
-use crate::domain::link::{DirectionControl, Parity};
+use crate::domain::link::{DirectionControl, LinkSettings, Parity};
 
 /// Parity, stop bits, and direction control.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -32,6 +32,17 @@ enum DirectionArg {
 }
 
 impl LinkArgs {
+    /// The parity and the stop bits of `link`.
+    #[must_use]
+    pub const fn of(link: LinkSettings) -> Self {
+        let parity = match link.parity {
+            Parity::None => ParityArg::None,
+            Parity::Even => ParityArg::Even,
+            Parity::Odd => ParityArg::Odd,
+        };
+        Self { parity: Some(parity), stop_bits: Some(link.stop_bits), rs485: DirectionArg::Adapter }
+    }
+
     /// The parity, if one is given.
     #[must_use]
     pub fn parity(&self) -> Option<Parity> {

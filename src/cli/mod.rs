@@ -2,6 +2,7 @@
 
 mod broker;
 mod capture;
+mod certificate;
 mod check;
 mod client;
 mod completions;
@@ -20,6 +21,7 @@ mod man;
 mod map;
 mod model_facts;
 mod models;
+mod new_model;
 mod output;
 mod own_gateway;
 pub mod own_models;
@@ -92,6 +94,8 @@ enum Command {
     ///
     /// Prompts twice without echo, or reads one line from stdin if that is not a terminal.
     Password(password::Args),
+    /// Make or renew a certificate for the page, with a local authority that phones can install
+    Certificate(certificate::Args),
     /// Check the settings of a drive that make it obey the bus. Reads them from the drive, not from the last poll
     Verify(verify::Args),
     /// Change the settings of a drive so that it obeys the bus. At standstill only; shows old and new values first
@@ -171,6 +175,7 @@ pub fn main() -> ExitCode {
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
         Command::Password(args) => password::password(&args),
+        Command::Certificate(args) => certificate::certificate(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Enable(args) => enable::enable(&args),
         Command::Qualify(args) => qualify::qualify(&args),

@@ -1,6 +1,7 @@
 //! `models`: the known drives, with sources and confidence.
 
 use super::model_facts::{OrderWord, Unproven, orders, orders_text};
+use super::new_model;
 use super::own_models::ModelDirs;
 use super::{Failure, input, print};
 use crate::profile::catalog::id_of;
@@ -45,6 +46,8 @@ enum Action {
         /// The file
         file: PathBuf,
     },
+    /// Write a model file from your answers, from a drive that is read meanwhile, or from a device template; check and simulate it
+    New(Box<new_model::Args>),
 }
 
 /// Lists, shows or checks.
@@ -55,6 +58,7 @@ pub fn models(args: &Args) -> Result<(), Failure> {
         Some(Action::Show { model, toml: true, .. }) => print(&input::model_text(model, &args.own)?),
         Some(Action::Show { model, json, .. }) => show(model, &args.own, *json),
         Some(Action::Check { file }) => check_file(file, &args.own),
+        Some(Action::New(args)) => new_model::new(args),
     }
 }
 
@@ -85,7 +89,8 @@ fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
     print(&summary::summary(&model))
 }
 
-fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
+/// Reports the problems of the file at `path`, or what of it is unproven.
+pub(super) fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let mut files = input::own_models(own)?;
     files.read_file(path).map_err(|unread| Failure::wrong(unread.what))?;
     let catalog = input::joined(&files)?;

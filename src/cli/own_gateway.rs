@@ -71,6 +71,19 @@ pub struct DriveArgs {
 }
 
 impl DriveArgs {
+    /// The drive of `model` at `station` of a line that is set to `link`.
+    #[must_use]
+    pub fn of(model: &str, station: u8, link: LinkSettings, own: ModelDirs) -> Self {
+        Self {
+            model: Some(model.to_owned()),
+            station: Some(station),
+            baud: Some(link.baud),
+            link: LinkArgs::of(link),
+            own,
+            ..Self::default()
+        }
+    }
+
     /// The station of the drive, if one is given.
     #[must_use]
     pub const fn station(&self) -> Option<u8> {
@@ -142,10 +155,14 @@ pub struct OwnGateway {
 
 /// A directory that only its owner may enter, removed on drop.
 #[derive(Debug)]
-struct Directory(PathBuf);
+pub struct Directory(PathBuf);
 
 impl Directory {
-    fn new() -> Result<Self, Failure> {
+    /// A new, empty directory.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn new() -> Result<Self, Failure> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_dir());
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -154,6 +171,12 @@ impl Directory {
         let made = std::fs::DirBuilder::new().mode(0o700).create(&path);
         made.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
         Ok(Self(path))
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.0
     }
 }
 

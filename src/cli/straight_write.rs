@@ -37,6 +37,14 @@ pub struct Straight {
     accept_unverified: Vec<String>,
 }
 
+impl Straight {
+    /// This frequency in Hz before `run`, and nothing else.
+    #[must_use]
+    pub fn with_frequency(hz: &str) -> Self {
+        Self { frequency: Some(hz.to_owned()), ..Self::default() }
+    }
+}
+
 fn limits(text: &str) -> Result<(f64, f64), String> {
     let wrong = || format!("{text} are not limits such as 5-50, in Hz");
     let (least, most) = text.split_once('-').ok_or_else(wrong)?;

@@ -2,8 +2,8 @@
 
 use crate::config::qualified::{BYTES_MAX, FILE_NAME, Qualified};
 use crate::daemon::host::user_files;
-use std::fs::{self, File};
-use std::io::{self, Write};
+use crate::daemon::host::whole_files::{self, Readers};
+use std::io;
 use std::path::Path;
 
 /// What was tried, as far as the file in `data_dir` tells; nothing if there is none. Reads a file.
@@ -24,19 +24,14 @@ pub fn read(data_dir: &Path) -> Result<Qualified, String> {
 /// # Errors
 /// The system's.
 pub fn write(data_dir: &Path, qualified: &Qualified) -> io::Result<()> {
-    let file = data_dir.join(FILE_NAME);
-    let new = file.with_extension("new");
-    let mut written = File::create(&new)?;
-    written.write_all(qualified.text().as_bytes())?;
-    written.sync_all()?;
-    fs::rename(&new, &file)?;
-    File::open(data_dir)?.sync_all()
+    whole_files::replace(&data_dir.join(FILE_NAME), qualified.text().as_bytes(), Readers::All)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::daemon::testing::Dir;
+    use std::fs;
 
     #[test]
     fn a_file_is_there_as_a_whole_or_reported_to_be_damaged() {

@@ -22,6 +22,15 @@ pub fn rfc3339(wall: WallTime) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
 }
 
+/// Year, month and day of `wall` in UTC.
+#[must_use]
+pub fn date(wall: WallTime) -> (i32, u8, u8) {
+    let (year, month, day) = civil(wall.unix_ms.div_euclid(DAY_MS));
+    let year = i32::try_from(year).unwrap_or(if year < 0 { i32::MIN } else { i32::MAX });
+    // Months and days of the calendar fit.
+    (year, u8::try_from(month).unwrap_or(1), u8::try_from(day).unwrap_or(1))
+}
+
 /// Parses a moment in UTC: `2026-01-31`, `2026-01-31T08:00`, `2026-01-31T08:00:00.250Z`. `None` if `text` is not one.
 #[must_use]
 pub fn parse(text: &str) -> Option<WallTime> {

@@ -30,6 +30,8 @@ pub struct Answer {
     pub status: u16,
     pub head: String,
     pub body: String,
+    /// The body as it was sent.
+    pub bytes: Vec<u8>,
 }
 
 impl Answer {
@@ -121,22 +123,24 @@ impl Browser {
         request += &format!("\r\n{body}");
         let stream = TcpStream::connect(self.address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        let text = match &self.tls {
+        let bytes = match &self.tls {
             None => exchange(stream, &request),
             Some(tls) => {
                 let name = ServerName::IpAddress(self.address.ip().into());
                 exchange(StreamOwned::new(ClientConnection::new(Arc::clone(tls), name).unwrap(), stream), &request)
             }
         };
-        let (head, body) = text.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no answer: {text}"));
+        let end = bytes.windows(4).position(|window| window == b"\r\n\r\n").unwrap_or_else(|| panic!("no answer"));
+        let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
+        let bytes = bytes[end + 4..].to_vec();
         let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        Answer { status, head: head.to_owned(), body: body.to_owned() }
+        Answer { status, head, body: String::from_utf8_lossy(&bytes).into_owned(), bytes }
     }
 }
 
-fn exchange(mut stream: impl Read + Write, request: &str) -> String {
+fn exchange(mut stream: impl Read + Write, request: &str) -> Vec<u8> {
     stream.write_all(request.as_bytes()).unwrap();
-    let mut text = String::new();
-    stream.read_to_string(&mut text).unwrap();
-    text
+    let mut bytes = Vec::new();
+    stream.read_to_end(&mut bytes).unwrap();
+    bytes
 }

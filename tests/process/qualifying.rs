@@ -209,6 +209,8 @@ fn a_drive_is_qualified_and_that_counts_until_something_changes() {
     let state: Value = serde_json::from_str(&get(site.http, "/api/v1/state").unwrap().1).unwrap();
     let drive = &state["drives"][0];
     assert_eq!(drive["control"]["site"], serde_json::json!(["basic"]), "{drive}");
+    let health = vfd_gateway(&["health", "--socket", &site.socket]);
+    assert!(String::from_utf8_lossy(&health.stdout).contains("qualified at the site: basic"), "{health:?}");
     assert_eq!(site.starts(), Ok(()));
     site.waits_for(FORWARD);
     Raw::connect(site.modbus).write(UNIFORM, RUN, 0).unwrap();

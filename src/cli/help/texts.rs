@@ -86,6 +86,17 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     )
     .exits("0 the file is valid, 1 failed, 2 it has problems"),
     help(
+        "models new",
+        "Asks for what a drive needs to be read, run and stopped, and for the place in the manual where each fact stands. With \
+         --port it reads from the drive what you name, finds scales by what the panel shows, and writes nothing to it. Then it \
+         does what `models check` does, and runs the model on a simulated drive.",
+        &[
+            ("vfd-gateway models new acme-flux-2", "ask, and write acme-flux-2.toml"),
+            ("vfd-gateway models new acme-flux-2 --port /dev/ttyUSB0 --station 1 --baud 9600", "read from the drive meanwhile"),
+            ("vfd-gateway models new acme-flux-2 --template config-acme.json", "begin from a template of wb-mqtt-serial"),
+        ],
+    ),
+    help(
         "simulate",
         "Prints the port at start. Characters take as long as on a real line. Ctrl-C ends it.",
         &[
@@ -278,5 +289,18 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         "password",
         "The hash is argon2id; the password itself is not stored.",
         &[("vfd-gateway password > anna.hash", "prompt twice; the file is for `password_hash_file`")],
+    ),
+    help(
+        "certificate",
+        "The authority is made once and signs only for the names it was made for, for .local and for private addresses. \
+         The gateway serves it as /authority.crt.",
+        &[
+            (
+                "vfd-gateway certificate --dir /etc/vfd-gateway/tls --name gateway.local --name 10.0.0.7",
+                "make both, and show what to configure and to install",
+            ),
+            ("vfd-gateway certificate --dir /etc/vfd-gateway/tls", "renew the certificate, with the same names"),
+            ("vfd-gateway certificate --dir /etc/vfd-gateway/tls --renew-within 60", "the same for a timer"),
+        ],
     ),
 ];

@@ -7,6 +7,7 @@ mod confusion_tests;
 mod judge;
 mod plan;
 mod report;
+pub(super) mod single;
 mod survey;
 #[cfg(test)]
 mod tests;

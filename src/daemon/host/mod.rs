@@ -1,5 +1,6 @@
 //! What the operating system provides: clocks, files, secrets, terminals, limits.
 
+pub mod authority;
 pub mod clock;
 pub mod descriptors;
 pub mod pem_files;
@@ -9,3 +10,4 @@ pub mod secret_files;
 pub mod sys;
 pub mod timer;
 pub mod user_files;
+pub mod whole_files;

@@ -18,6 +18,7 @@ use hyper::body::Incoming;
 use hyper::service::Service;
 use hyper_util::service::TowerToHyperService;
 use rustls::ServerConfig;
+use rustls::pki_types::CertificateDer;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -38,6 +39,10 @@ const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 /// The peer of a request, as an extension for its routes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peer(pub IpAddr);
+
+/// The certificate of the authority that clients install, as an extension for its route; `None` without one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Authority(pub Option<CertificateDer<'static>>);
 
 /// Serves `router` on `listener` until the task is dropped, always by the current `front`; `changed` is notified when
 /// that is replaced. Its connections end with it.
@@ -67,9 +72,14 @@ pub(super) async fn serve(
         }
         let (lasting, life) = Lasting::new(Arc::clone(&lasting));
         let (place, seat) = Places::take(places, lasting);
-        let guest =
-            Guest { router: TowerToHyperService::new(router.clone()), peer: Peer(peer), seat: Rc::clone(&seat) };
-        let tls = front.tls().cloned();
+        let tls = front.tls();
+        let guest = Guest {
+            router: TowerToHyperService::new(router.clone()),
+            peer: Peer(peer),
+            authority: Authority(tls.and_then(|tls| tls.authority.clone())),
+            seat: Rc::clone(&seat),
+        };
+        let tls = tls.map(|tls| Arc::clone(&tls.config));
         let number = place.number;
         let is_encrypted = tls.is_some();
         let task = tokio::task::spawn_local(async move {
@@ -182,6 +192,7 @@ impl Drop for Permit {
 struct Guest {
     router: TowerToHyperService<Router>,
     peer: Peer,
+    authority: Authority,
     seat: Rc<Seat>,
 }
 
@@ -192,6 +203,7 @@ impl Service<Request<Incoming>> for Guest {
 
     fn call(&self, mut request: Request<Incoming>) -> Self::Future {
         request.extensions_mut().insert(self.peer);
+        request.extensions_mut().insert(self.authority.clone());
         self.seat.is_asking.set(true);
         self.seat.seen.set(clock::now());
         let answer = self.router.call(request);

@@ -1,6 +1,7 @@
 //! What the HTTP listener requires of clients, ready to use: networks, host names, users and a certificate.
 
 use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
+use crate::daemon::host::authority;
 use crate::daemon::host::pem_files::{certificates, key};
 use crate::daemon::host::secret_files;
 use crate::domain::ids::CommanderName;
@@ -10,6 +11,7 @@ use ipnet::IpNet;
 use rustix::system::uname;
 use rustls::ServerConfig;
 use rustls::crypto::ring;
+use rustls::pki_types::CertificateDer;
 use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,7 +22,16 @@ pub struct Front {
     allow: Option<Vec<IpNet>>,
     hosts: Vec<String>,
     users: Vec<User>,
-    tls: Option<Arc<ServerConfig>>,
+    tls: Option<Tls>,
+}
+
+/// How connections are encrypted.
+#[derive(Clone, Debug)]
+pub(super) struct Tls {
+    /// For the library.
+    pub config: Arc<ServerConfig>,
+    /// The certificate of the authority, where the configured chain ends with one.
+    pub authority: Option<CertificateDer<'static>>,
 }
 
 /// A user who may sign in.
@@ -60,7 +71,7 @@ impl Front {
     }
 
     /// How connections are encrypted, if they are.
-    pub(super) const fn tls(&self) -> Option<&Arc<ServerConfig>> {
+    pub(super) const fn tls(&self) -> Option<&Tls> {
         self.tls.as_ref()
     }
 
@@ -99,7 +110,7 @@ fn read_hash(path: &Path) -> Result<StoredHash, String> {
     hash.map_err(|why| format!("{why}; right is what `vfd-gateway password` prints"))
 }
 
-fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {
+fn read_tls(tls: &HttpTls) -> Result<Tls, String> {
     let (chain, key) = match (certificates(&tls.cert_file), key(&tls.key_file)) {
         (Ok(chain), Ok(key)) => (chain, key),
         (chain, key) => {
@@ -108,6 +119,7 @@ fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {
             return Err(problems.join("; "));
         }
     };
+    let authority = authority::authority_of(&chain).cloned();
     // The provider is named, so that it does not matter what other parts of the process install.
     let builder = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()));
     let builder = builder.with_safe_default_protocol_versions().map_err(|error| error.to_string())?;
@@ -118,5 +130,5 @@ fn read_tls(tls: &HttpTls) -> Result<Arc<ServerConfig>, String> {
         error => format!("{}: {error}", tls.cert_file.display()),
     })?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
-    Ok(Arc::new(config))
+    Ok(Tls { config: Arc::new(config), authority })
 }

@@ -4,7 +4,7 @@ use super::state::State;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
-use crate::north::shown::{presence, run_state};
+use crate::north::shown::{self, presence, run_state};
 use serde_json::{Value, json};
 
 /// Why the gateway is ready or not: each line and the broker.
@@ -61,6 +61,7 @@ fn drive(drive: &SharedDrive) -> Value {
         "presence": presence(&view),
         "run_state": run_state(&view).word(),
         "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
+        "site": description.control.as_ref().map(|control| shown::site(control)),
     })
 }
 

@@ -1,16 +1,17 @@
 //! The routes that every client may use.
 
 use super::answers::json;
+use super::entrance::Authority;
 use super::live::Live;
 use super::report::History;
 use super::state::State as Gateway;
 use super::{health, live, metrics, report, traffic};
 use crate::daemon::host::clock;
-use axum::Router;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 use std::sync::Arc;
 
 /// The media type of metrics, as Prometheus asks for it.
@@ -18,6 +19,9 @@ const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset
 
 /// The older text format, for clients that do not accept OpenMetrics.
 const OLDER_METRICS: &str = "text/plain; version=0.0.4; charset=utf-8";
+
+/// The media type of a certificate that browsers and phones offer to install (RFC 2585 has another one, which they do not).
+const CERTIFICATE_TYPE: &str = "application/x-x509-ca-cert";
 
 /// The documents behind the routes.
 #[derive(Clone, Debug)]
@@ -46,6 +50,7 @@ impl Documents {
 pub(super) fn router(documents: Documents) -> Router {
     let Documents { state, live, history } = documents;
     super::page::router()
+        .route("/authority.crt", get(authority))
         .route("/healthz", get(alive))
         .route("/readyz", get(ready))
         .route("/metrics", get(measured))
@@ -54,6 +59,16 @@ pub(super) fn router(documents: Documents) -> Router {
         .merge(traffic::router(state))
         .merge(report::router(history))
         .merge(live::router(live))
+}
+
+/// The authority behind the certificate of the page, for clients that are to trust it. On the socket there is none.
+async fn authority(of: Option<Extension<Authority>>) -> Response {
+    match of.and_then(|Extension(authority)| authority.0) {
+        Some(certificate) => {
+            ([(header::CONTENT_TYPE, CERTIFICATE_TYPE)], Vec::from(certificate.as_ref())).into_response()
+        }
+        None => (StatusCode::NOT_FOUND, "the chain in `cert_file` does not end with an authority\n").into_response(),
+    }
 }
 
 /// This answer shows that the main thread runs, which gives it. A line whose thread hangs sends no stop: the gateway

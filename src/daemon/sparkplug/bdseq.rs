@@ -4,9 +4,9 @@
 //! connect twice with the same number, and a late NDEATH of the first connection would mark the second as dead.
 
 use crate::daemon::host::user_files;
+use crate::daemon::host::whole_files::{self, Readers};
 use crate::daemon::mqtt::Chore;
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The file, in the data directory.
@@ -54,7 +54,8 @@ impl BdSeq {
         self.last = Some(number);
         let file = self.file.clone();
         let chore = move || {
-            if let Err(error) = keep(&file, number) {
+            let kept = whole_files::replace(&file, format!("{number}\n").as_bytes(), Readers::All);
+            if let Err(error) = kept {
                 // A gateway without a connection to its host would be worse than one that may reuse a number.
                 tracing::error!(file = %file.display(), %error, "cannot save the session number; it may be used again after a restart");
             }
@@ -68,20 +69,11 @@ impl BdSeq {
     }
 }
 
-/// Replaces the file atomically: whatever happens, the old or the new one is there.
-fn keep(file: &Path, number: u8) -> io::Result<()> {
-    let new = file.with_extension("new");
-    let mut written = File::create(&new)?;
-    written.write_all(format!("{number}\n").as_bytes())?;
-    written.sync_all()?;
-    fs::rename(&new, file)?;
-    file.parent().map_or(Ok(()), |directory| File::open(directory)?.sync_all())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::daemon::testing::Dir;
+    use std::fs;
 
     fn connect(numbers: &mut BdSeq) -> u8 {
         let (number, chore) = numbers.begin();

@@ -9,7 +9,7 @@ use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::north::broker::{LineState, Publication, Qos};
-use crate::north::shown::{capabilities, down_reason, millis};
+use crate::north::shown::{capabilities, down_reason, millis, site};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -191,5 +191,6 @@ fn drive(drive: &DriveDescription) -> Value {
         "uniform_unit": drive.uniform_unit.get(),
         "frequency_hz": limits,
         "capabilities": capabilities(drive),
+        "site": drive.control.as_ref().map(|it| site(it)),
     })
 }

@@ -1,0 +1,92 @@
+//! `models new`: a model file from a person's answers, from a drive that is read meanwhile, or from a device template.
+
+mod facts;
+mod interview;
+mod live;
+mod questions;
+mod template;
+mod trial;
+
+use crate::cli::{Failure, input, print};
+use crate::daemon::host::clock;
+use crate::daemon::host::user_files::BYTES_MAX;
+use crate::daemon::host::whole_files::{self, Readers};
+use crate::domain::calendar;
+use crate::vendors;
+use interview::Interview;
+use live::{Live, LiveArgs};
+use questions::Questions;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `models new`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Identifier of the new model: maker-series in lower case, such as acme-flux-2
+    #[arg(value_parser = identifier)]
+    id: String,
+    /// The file to write; default: ID.toml in this directory. Never overwritten
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Take the registers from a device template of wb-mqtt-serial (JSON) instead of asking. The model is then only read
+    #[arg(long, value_name = "FILE", conflicts_with = "port")]
+    template: Option<PathBuf>,
+    #[command(flatten)]
+    live: LiveArgs,
+}
+
+/// As model files require it.
+fn identifier(text: &str) -> Result<String, String> {
+    let is_part =
+        |part: &str| !part.is_empty() && part.bytes().all(|it| it.is_ascii_lowercase() || it.is_ascii_digit());
+    let parts: Vec<_> = text.split('-').collect();
+    if parts.len() < 2 || !parts.iter().all(|part| is_part(part)) {
+        return Err("maker and series in lower case, with hyphens between, such as acme-flux-2".to_owned());
+    }
+    match vendors::catalog().find(text) {
+        Some(_) => Err(format!("{text} is built in; `vfd-gateway models show {text} --toml` prints it")),
+        None => Ok(text.to_owned()),
+    }
+}
+
+/// Asks, writes the file, checks it, and plays it.
+pub fn new(args: &Args) -> Result<(), Failure> {
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.toml", args.id)));
+    if out.exists() {
+        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+    }
+    let facts = match &args.template {
+        Some(file) => template::facts(&args.id, file, &input::read(file)?)?,
+        None => asked(args)?,
+    };
+    let text = facts.text();
+    debug_assert!(u64::try_from(text.len()).is_ok_and(|bytes| bytes <= BYTES_MAX));
+    whole_files::create(&out, text.as_bytes(), Readers::All)
+        .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))?;
+    print(&format!("\n{} is written.\n", out.display()))?;
+    super::models::check_file(&out, &super::own_models::ModelDirs::default())?;
+    print(&format!("On a simulated drive: {}\n", played(&args.id, &out, &text)?))
+}
+
+fn asked(args: &Args) -> Result<facts::Facts, Failure> {
+    let mut live = Live::open(&args.live)?;
+    let date = calendar::rfc3339(clock::wall());
+    let mut interview = Interview { questions: Questions::new(io::stdin().lock()), live: live.as_mut() };
+    let facts = interview.facts(&args.id, date.get(..10).unwrap_or_default());
+    if let Some(live) = live {
+        live.close();
+    }
+    facts
+}
+
+/// The model alone in a directory of its own, because others beside it may have mistakes.
+fn played(id: &str, file: &Path, text: &str) -> Result<String, Failure> {
+    let name = file.display().to_string();
+    let catalog =
+        vendors::catalog().with_texts([(name, text)]).map_err(|_| Failure::failed("the file is not sound"))?;
+    let model = catalog.find(id).ok_or_else(|| Failure::failed(format!("no model is called {id}")))?;
+    let directory = super::own_gateway::Directory::new()?;
+    let alone = directory.path().join("model.toml");
+    std::fs::write(&alone, text).map_err(|error| Failure::failed(format!("{}: {error}", alone.display())))?;
+    trial::play(model, directory.path().to_path_buf())
+}

@@ -1,0 +1,127 @@
+//! `models new`: from answers alone, with a drive that is read meanwhile, and from a device template. What comes out is sound,
+//! and runs a simulated drive.
+
+use super::rig::{Place, assert_says, program, start, vfd_gateway};
+use std::io::Write;
+use std::path::Path;
+use std::process::{Output, Stdio};
+
+/// What `models new` does with `args` and these answers.
+fn answered(args: &[&str], answers: &[&str]) -> Output {
+    let mut command = program();
+    command.args(["models", "new"]).args(args);
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut input = child.stdin.take().unwrap();
+    // A program that has refused already does not read.
+    let _ = input.write_all((answers.join("\n") + "\n").as_bytes());
+    drop(input);
+    child.wait_with_output().unwrap()
+}
+
+fn text(output: &Output) -> String {
+    let all = [&output.stdout[..], &output.stderr].concat();
+    let all = String::from_utf8_lossy(&all).into_owned();
+    assert!(output.status.success(), "{all}");
+    all
+}
+
+/// The invented drive of `deploy/adding-a-drive.md`.
+const ANSWERS: [&str; 22] = [
+    "Acme",
+    "Flux 2",
+    "Acme Flux 2 user manual",
+    "19200 8N1",
+    "8",
+    "y",
+    "0x2101 9.6",
+    "100",
+    "2100H 9.6",
+    "0x0001",
+    "8",
+    "8450 9.6",
+    "0x2000 9.5",
+    "0",
+    "1",
+    "3",
+    "0x2001 9.5",
+    "100",
+    "P0-02",
+    "run commands: 2, communication",
+    "",
+    "",
+];
+
+#[test]
+fn answers_make_a_model_that_runs_a_simulated_drive() {
+    let place = Place::new();
+    let file = place.file("acme-flux-2.toml");
+    let out = file.to_str().unwrap();
+    let said = text(&answered(&["acme-flux-2", "--out", out], &ANSWERS));
+    for word in ["is sound: 5 registers", "run forward at 10 Hz, and stopped", "acme-flux-2.toml is written"] {
+        assert!(said.contains(word), "no {word}:\n{said}");
+    }
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert!(written.contains("confidence = \"manual\"\nsource = \"UM 9.6\"") && written.contains("P0-02"), "{written}");
+    let again = answered(&["acme-flux-2", "--out", out], &[]);
+    assert_says(&again, 2, &["already exists and is not overwritten"]);
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), written);
+}
+
+#[test]
+fn an_interview_that_is_broken_off_writes_nothing() {
+    let place = Place::new();
+    let file = place.file("x.toml");
+    let broken = answered(&["acme-flux-2", "--out", file.to_str().unwrap()], &ANSWERS[..5]);
+    assert_says(&broken, 1, &["the input ended before", "nothing was written"]);
+    assert!(!file.exists());
+    assert_says(&answered(&["Acme"], &[]), 2, &["maker and series in lower case"]);
+    assert_says(&answered(&["hyundai-n700"], &[]), 2, &["is built in", "--toml"]);
+}
+
+#[test]
+fn a_drive_that_is_read_meanwhile_shows_its_scale() {
+    let place = Place::new();
+    let models = place.file("models");
+    std::fs::create_dir(&models).unwrap();
+    text(&answered(&["acme-flux-2", "--out", models.join("flux.toml").to_str().unwrap()], &ANSWERS));
+    let line = place.file("line");
+    let models = models.to_str().unwrap();
+    let line = line.to_str().unwrap();
+    let drive = start(&["simulate", "--model", "acme-flux-2", "--model-dir", models, "--link", line]);
+    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    let on_port = ["--port", line, "--station", "1", "--baud", "19200"];
+    let of_model = ["--model", "acme-flux-2", "--model-dir", models, "--limits", "5-50"];
+    let set = vfd_gateway(&[&["write", "frequency", "25"][..], &of_model, &on_port].concat());
+    assert!(set.status.success(), "{set:?}");
+
+    let file = place.file("model.toml");
+    let args = [&["acme-seven", "--out", file.to_str().unwrap()][..], &on_port].concat();
+    let general = ["", "", "", "", "", ""]; // maker, series, no manual, line, words, function 06
+    let set_frequency = ["0x2001", "25", ""]; // taken for the output frequency here; the scale that was found is accepted
+    let nothing_else = ["", "", ""];
+    let said = text(&answered(&args, &[&general[..], &set_frequency, &nothing_else].concat()));
+    for word in ["the drive has 2500 (0x09C4) there", "[100]", "it takes no orders"] {
+        assert!(said.contains(word), "no {word}:\n{said}");
+    }
+    assert!(std::fs::read_to_string(&file).unwrap().contains("scale = 100"));
+}
+
+#[test]
+fn a_device_template_becomes_a_model_that_is_only_read() {
+    let place = Place::new();
+    let template = r#"{ "device": { "name": "Acme Flux", "channels": [
+        { "name": "Output Frequency", "reg_type": "holding", "address": 8449, "scale": 0.01, "units": "Hz" },
+        { "name": "Energy", "reg_type": "holding", "address": 8450, "format": "u32" } ] } }"#;
+    let template = place.write("config-acme.json", template);
+    let file = place.file("model.toml");
+    let made = made_from(&template, &file);
+    assert!(made.contains("is sound: 1 register") && made.contains("it takes no orders"), "{made}");
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert!(written.contains("# Left out: Energy") && written.contains("unit = \"Hz\""), "{written}");
+    assert_says(&answered(&["acme-x", "--template", "/missing.json"], &[]), 2, &["/missing.json"]);
+}
+
+fn made_from(template: &Path, file: &Path) -> String {
+    let args = ["acme-flux", "--out", file.to_str().unwrap(), "--template", template.to_str().unwrap()];
+    text(&answered(&args, &[]))
+}
