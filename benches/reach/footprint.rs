@@ -65,8 +65,7 @@ struct Plant {
 
 impl Plant {
     fn new(place: &Place, ports: &[PathBuf], broker: u16) -> Self {
-        let program =
-            std::env::var_os("VFD_GATEWAY").map_or_else(|| env!("CARGO_BIN_EXE_vfd-gateway").into(), PathBuf::from);
+        let program = program();
         let [http, modbus] = [free_port(), free_port()].map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
         let data = place.path().join("data");
         std::fs::create_dir(&data).expect("a directory");
@@ -86,9 +85,7 @@ impl Plant {
     }
 
     fn start(&self) -> Child {
-        let mut command = Command::new(&self.program);
-        command.args(["run", "-c"]).arg(&self.file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        command.spawn().expect("the gateway starts")
+        start(&self.program, &self.file)
     }
 
     /// How long it takes until a Modbus client has its first words, and until all lines and the broker are connected.
@@ -150,8 +147,20 @@ impl Plant {
     }
 }
 
+/// The program to measure.
+pub fn program() -> PathBuf {
+    std::env::var_os("VFD_GATEWAY").map_or_else(|| env!("CARGO_BIN_EXE_vfd-gateway").into(), PathBuf::from)
+}
+
+/// The gateway of a configuration, as a process of its own.
+pub fn start(program: &Path, file: &Path) -> Child {
+    let mut command = Command::new(program);
+    command.args(["run", "-c"]).arg(file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.spawn().expect("the gateway starts")
+}
+
 /// Polls until `is_so`. Returns the time since `begun`.
-fn until(begun: Instant, mut is_so: impl FnMut() -> bool) -> Duration {
+pub fn until(begun: Instant, mut is_so: impl FnMut() -> bool) -> Duration {
     while !is_so() {
         assert!(begun.elapsed() < PATIENCE, "the gateway does not serve");
         std::thread::sleep(LOOK);
@@ -159,11 +168,11 @@ fn until(begun: Instant, mut is_so: impl FnMut() -> bool) -> Duration {
     begun.elapsed()
 }
 
-fn has_words(modbus: SocketAddr) -> bool {
+pub fn has_words(modbus: SocketAddr) -> bool {
     TcpStream::connect(modbus).is_ok_and(|mut stream| clients::once(&mut stream, (101, 0, 1)).is_ok())
 }
 
-fn is_ready(http: SocketAddr) -> bool {
+pub fn is_ready(http: SocketAddr) -> bool {
     TcpStream::connect(http).is_ok_and(|stream| get(stream, "/readyz").starts_with("HTTP/1.1 200"))
 }
 
@@ -201,14 +210,14 @@ fn open_page(http: SocketAddr, is_over: &AtomicBool) -> usize {
 }
 
 /// It may be killed: its drives are not running.
-fn end(gateway: &mut Child) {
+pub fn end(gateway: &mut Child) {
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
 }
 
 /// The memory of a process as reported by the system.
-struct Memory {
-    resident_mb: f64,
+pub struct Memory {
+    pub resident_mb: f64,
     /// Of that, anonymous memory; the rest are mapped pages of the program's file.
     own_mb: f64,
     most_mb: f64,
@@ -216,7 +225,7 @@ struct Memory {
 }
 
 impl Memory {
-    fn of(process: u32) -> Self {
+    pub fn of(process: u32) -> Self {
         let status =
             std::fs::read_to_string(Path::new("/proc").join(process.to_string()).join("status")).expect("a process");
         let number = |key: &str| -> u64 {
@@ -227,7 +236,7 @@ impl Memory {
         Self { resident_mb: mb("VmRSS:"), own_mb: mb("RssAnon:"), most_mb: mb("VmHWM:"), threads: number("Threads:") }
     }
 
-    fn shown(&self) -> String {
+    pub fn shown(&self) -> String {
         format!("{:.1}, own {:.1}, most {:.1}, {} threads", self.resident_mb, self.own_mb, self.most_mb, self.threads)
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
 //! late, stop, command, lost, retained, telemetry, sparkplug, page, uniform, crowd, setpoints, journal, memory, footprint,
-//! unplug; most are shorter with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The
+//! library, unplug; most are shorter with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The
 //! brokers are processes started here: mosquitto if it is installed.
 
 #![allow(
@@ -26,6 +26,7 @@ mod crowd;
 mod crowded;
 mod footprint;
 mod journal;
+mod library;
 mod lost;
 mod memory;
 mod offer;
@@ -54,7 +55,7 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 20] = [
+const PARTS: [(&str, Part); 21] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
@@ -74,6 +75,7 @@ const PARTS: [(&str, Part); 20] = [
     ("journal", journal::journal),
     ("memory", memory::memory),
     ("footprint", footprint::footprint),
+    ("library", library::library),
     ("unplug", unplug::unplug),
 ];
 
