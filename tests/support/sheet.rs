@@ -98,6 +98,24 @@ impl std::fmt::Display for Row<'_> {
     }
 }
 
+/// The rows of `text` in which model and sheet differ, each with the reason why both stay as they are: a line with the row, and
+/// indented lines with the reason.
+pub fn open_rows(text: &str) -> Vec<(&str, String)> {
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    for line in text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')) {
+        match (line.strip_prefix("    "), rows.last_mut()) {
+            (Some(reason), Some((_, reasons))) => *reasons = format!("{reasons} {}", reason.trim()).trim().to_owned(),
+            (Some(reason), None) => panic!("a reason without a row: {reason}"),
+            (None, _) => rows.push((line, String::new())),
+        }
+    }
+    for (at, (row, reason)) in rows.iter().enumerate() {
+        assert!(reason.split_whitespace().count() > 3, "open.txt has no reason below this row:\n{row}");
+        assert!(rows[..at].iter().all(|(other, _)| other != row), "open.txt has this row twice:\n{row}");
+    }
+    rows
+}
+
 /// Table, address and words, as in `holding 2000 0012`.
 pub fn place(text: &str) -> (Address, Vec<u16>) {
     let mut parts = text.split_whitespace();
