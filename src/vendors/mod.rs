@@ -68,6 +68,8 @@ static TEXTS: &[(&str, &str)] = files![
     "powtran/pi500.toml",
     "rockwell/powerflex-4.toml",
     "rockwell/powerflex-40.toml",
+    "rockwell/powerflex-400.toml",
+    "rockwell/powerflex-4m.toml",
     "rockwell/powerflex-525.toml",
     "schneider/atv12.toml",
     "schneider/atv312.toml",

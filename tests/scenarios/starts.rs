@@ -284,3 +284,55 @@ fn a_reset_and_a_start_after_it_are_whole() {
     assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), (Outcome::Confirmed, Reason::None));
     assert_eq!(rig.written(RUN), [SHUT_DOWN, SWITCH_ON, FORWARD]);
 }
+
+/// A start whose word is seen in the register that it was written to.
+fn by_its_own_word() -> Arc<Model> {
+    let (begin, end) = (START.find("[[run.start]]").unwrap(), START.find("[[run.state]]").unwrap());
+    let step = "[[run.start]]\nwrite = 0x0006\nuntil = { register = \"run\", values = [0x0006] }\nwithin = \"2s\"\n\
+                confidence = \"manual\"\nsource = \"IM 5\"\n\n";
+    Arc::new(check::model(&[&START[..begin], step, &START[end..]].concat()).unwrap())
+}
+
+#[test]
+fn a_start_that_is_seen_in_its_own_register_goes_by_what_that_holds() {
+    let mut rig = rig_of(&by_its_own_word(), accepting());
+    assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed);
+    rig.live(SECOND * 3);
+    assert_eq!(rig.commanded(MQTT, setpoint(3000)), (Outcome::Confirmed, Reason::None));
+    // Somebody else wrote the word, before the gateway was there.
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, RUN.into(), SHUT_DOWN);
+    rig.sent.clear();
+    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Confirmed, Reason::None));
+    assert_eq!(rig.written(RUN), [FORWARD], "the run word is a change already");
+    rig.live(SECOND * 4);
+    assert!(rig.output(1) > 0);
+}
+
+#[test]
+fn a_word_that_was_followed_once_does_not_count_when_another_stands_in_its_register() {
+    let mut rig = rig_of(&by_its_own_word(), accepting());
+    assert_eq!(rig.commanded(MQTT, setpoint(3000)), (Outcome::Confirmed, Reason::None));
+    for before in ["a first start", "a stop", "a trip"] {
+        rig.sent.clear();
+        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Confirmed, Reason::None), "{before}");
+        assert_eq!(rig.written(RUN), [SHUT_DOWN, FORWARD], "after {before}");
+        rig.live(SECOND * 4);
+        assert!(rig.output(1) > 0, "after {before}");
+        let now = rig.now;
+        if before == "a stop" {
+            rig.bus.drive_mut(Station(1)).unwrap().trip(now, CAUSE);
+            rig.live(SECOND * 3);
+            let now = rig.now;
+            // Reset at the panel, and the run word stands.
+            rig.bus.drive_mut(Station(1)).unwrap().clear_trip(now, None);
+            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, RUN.into(), FORWARD);
+            rig.live(SECOND * 3);
+            assert_eq!(rig.output(1), 0);
+            assert_eq!(rig.view(0).run_state, RunState::Stopped);
+        } else {
+            assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+            rig.live(SECOND * 15);
+        }
+    }
+}

@@ -36,8 +36,8 @@ impl SimDrive {
             return Ok(());
         }
         let wished = wish(&self.model, address, word);
-        let runs = wished.is_some_and(|wish| matches!(wish.motion, Motion::Run(_)));
-        if is_own && self.is_source_at_bus(Role::RunSource) && self.take_start(at, place, word, runs) {
+        let motion = wished.map(|wish| wish.motion);
+        if is_own && self.is_source_at_bus(Role::RunSource) && self.take_start(at, place, word, motion) {
             return Ok(());
         }
         let mut wish = wished.ok_or(Objection::Value)?;

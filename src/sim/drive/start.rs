@@ -1,10 +1,11 @@
 //! A start in several words: the run word turns the motor only after the others, in their order.
 
 use super::SimDrive;
+use super::command::Motion;
 use super::memory::MemoryAddress;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::OrderKind;
+use crate::profile::model::{OrderKind, Role};
 
 /// How far a start has come.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,8 +49,9 @@ impl SimDrive {
         self.start.shows_orders = true;
     }
 
-    /// Takes `word` if it belongs to a start, or is a run word that the drive is not ready for; false if it is an order.
-    pub(super) fn take_start(&mut self, at: MonoTime, place: MemoryAddress, word: u16, runs: bool) -> bool {
+    /// Takes `word`, which orders `motion`, if it belongs to a start or is a run word that the drive is not ready for; false if
+    /// it is an order.
+    pub(super) fn take_start(&mut self, at: MonoTime, place: MemoryAddress, word: u16, motion: Option<Motion>) -> bool {
         let steps = self.model.start_steps();
         let count = steps.len();
         let step = steps.iter().position(|step| step.write.value == word);
@@ -66,7 +68,7 @@ impl SimDrive {
             }
             Some(_) => {}
             None if is_taken_back && !is_stop => self.start.followed = 0,
-            None if runs && !(self.start.followed == count && self.has_settled(at)) => {
+            None if matches!(motion, Some(Motion::Run(_))) && !self.is_ready(at, place) => {
                 self.take(place, word);
                 return true;
             }
@@ -76,10 +78,22 @@ impl SimDrive {
         // An earlier state of the drive is one in which its output is off.
         if falls_back && self.is_run_from_bus() && self.motor.output(at) != 0 {
             self.cut_off(at);
-        } else if self.is_run_from_bus() && self.control.direction != 0 {
+        } else if self.is_run_from_bus() && self.control.direction != 0 && !matches!(motion, Some(Motion::Keep(_))) {
             self.run(at, 0, false);
         }
         true
+    }
+
+    /// Whether the run word in the register at `place` turns the motor. Where that register itself shows it, what counts is the
+    /// word that it holds, whoever wrote it and whenever: the drive obeys a change of it.
+    fn is_ready(&self, at: MonoTime, place: MemoryAddress) -> bool {
+        let steps = self.model.start_steps();
+        let address = self.model.registers[place.index].address;
+        let by_word = steps.last().and_then(|last| last.until.as_ref()).filter(|until| until.address == address);
+        let Some(until) = by_word else { return self.start.followed == steps.len() && self.has_settled(at) };
+        let is_before_it = self.start.followed + 1 >= steps.len() && !self.start.is_held_back;
+        let holds_it = until.values.contains(&(self.memory.word(place.index) & until.mask));
+        self.control.direction != 0 || (is_before_it && holds_it)
     }
 
     /// Whether the drive has had its time after the last word of the start, if time is all that it needs.
@@ -103,7 +117,9 @@ impl SimDrive {
         let last = self.start.followed.checked_sub(1).and_then(|last| self.model.start_steps().get(last));
         let runs = self.shows_running(at);
         let until = last.and_then(|step| step.until.as_ref());
-        match until.filter(|until| until.address == address && !self.tripped && !runs) {
+        // The register of run commands shows what was written there.
+        let is_own = self.model.register_for(Role::RunCommand).is_some_and(|run| run.address == address);
+        match until.filter(|_| !is_own).filter(|until| until.address == address && !self.tripped && !runs) {
             Some(until) => (word & !until.mask) | until.values.first().copied().unwrap_or_default(),
             None => word,
         }
