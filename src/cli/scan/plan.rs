@@ -9,6 +9,7 @@ use crate::journal::Remembered;
 use crate::line::timeouts::{Class, ReplyTimeouts};
 use crate::line::timing::Timing;
 use crate::profile::model::{Model, Quirks};
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -205,7 +206,8 @@ fn may_be_set(model: &Model, link: LinkSettings) -> bool {
         && of.data_bits.value.contains(&link.data_bits)
 }
 
-/// The settings to try: factory settings, then the others as far as requested.
+/// The settings to try: factory settings, then the others as far as requested. In each of the two, those come first with which
+/// most models leave the factory; of equals the fastest.
 fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<LinkSettings> {
     let data_bits: &[u8] = if framing == Framing::Ascii { &[8, 7] } else { &[8] };
     let is_wanted = |link: &LinkSettings| {
@@ -220,6 +222,7 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<Lin
         let new = of_model.filter(|link| may_be_set(model, *link) && is_wanted(link));
         factory.extend(new.filter(|link| !factory.contains(link)).collect::<Vec<_>>());
     }
+    let order = |link: &LinkSettings| order(models, *link, framing);
     factory.sort_by_key(order);
     let is_restricted = !wish.bauds.is_empty() || wish.parity.is_some() || wish.stop_bits.is_some();
     if !wish.everything && !is_restricted {
@@ -244,11 +247,15 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<Lin
     let is_possible =
         |link: &LinkSettings| wish.bauds.contains(&link.baud) || models.iter().any(|model| may_be_set(model, *link));
     others.retain(|link| is_wanted(link) && is_possible(link) && !factory.contains(link));
+    others.sort_by_key(order);
     [factory, others].concat()
 }
 
-fn order(link: &LinkSettings) -> (u32, u8, u8, bool) {
-    (link.baud, 8 - link.data_bits, link.stop_bits, link.parity != Parity::None)
+/// How many models are known to leave the factory with `link`, then its speed; the smallest comes first.
+fn order(models: &[Arc<Model>], link: LinkSettings, framing: Framing) -> (Reverse<usize>, Reverse<u32>, u8, u8, bool) {
+    let is_known = |model: &&Arc<Model>| model.link.factory().is_some() && is_factory(model, link, framing);
+    let count = models.iter().filter(is_known).count();
+    (Reverse(count), Reverse(link.baud), 8 - link.data_bits, link.stop_bits, link.parity != Parity::None)
 }
 
 /// Few reads, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked; of

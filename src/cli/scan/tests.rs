@@ -239,7 +239,7 @@ fn nobody_answering_takes_what_was_said() {
 fn the_factory_settings_are_those_of_the_models() {
     let plan = factory_plan("1");
     let links: Vec<_> = plan.settings.iter().map(|setting| setting.link.to_string()).collect();
-    let expected = ["4800 8N1", "9600 8N1", "9600 8N2", "19200 8N1", "19200 8E1", "19200 8N2", "115200 8N1"];
+    let expected = ["19200 8E1", "9600 8N1", "19200 8N2", "9600 8N2", "115200 8N1", "19200 8N1", "4800 8N1"];
     assert_eq!(links, expected);
     for setting in &plan.settings {
         let factory: Vec<_> = models().into_iter().filter(|it| it.link.played() == setting.link).collect();
@@ -249,6 +249,34 @@ fn the_factory_settings_are_those_of_the_models() {
         }
         assert!(setting.probes.len() <= factory.len());
     }
+}
+
+#[test]
+fn what_most_models_leave_the_factory_with_is_tried_first() {
+    let wishes = [false, true].into_iter().flat_map(|is_ascii| [(is_ascii, false), (is_ascii, true)]);
+    for (is_ascii, everything) in wishes {
+        let plan = Plan::new(&models(), vec![1], &ScanOptions { is_ascii, everything, ..ScanOptions::default() });
+        let takes = |model: &Arc<Model>| !is_ascii || model.link.framings.value.contains(&Framing::Ascii);
+        let all: Vec<_> = models().into_iter().filter(takes).collect();
+        let count = |setting: &Setting| {
+            let is_like = |known: LinkSettings| {
+                let LinkSettings { baud, parity, stop_bits, .. } = setting.link;
+                let has_bits = is_ascii || known.data_bits == setting.link.data_bits;
+                (known.baud, known.parity, known.stop_bits) == (baud, parity, stop_bits) && has_bits
+            };
+            all.iter().filter_map(|model| model.link.factory()).filter(|known| is_like(*known)).count()
+        };
+        let tried: Vec<_> = plan.settings.iter().map(|it| (count(it), it.link.baud, it.factory_count == 0)).collect();
+        for pair in tried.windows(2) {
+            let ((before, faster, is_other), (after, slower, is_later_other)) = (pair[0], pair[1]);
+            if is_other == is_later_other {
+                assert!(before > after || (before == after && faster >= slower), "{tried:?}");
+            } else {
+                assert!(is_later_other, "factory settings come first: {tried:?}");
+            }
+        }
+    }
+    assert!(factory_plan("1").settings[0].link != model("hitachi-x200").link.played(), "one model has it");
 }
 
 /// Its factory setting is nobody's to know: a usual one is tried, and all others on request.
