@@ -91,6 +91,8 @@ mod late_reply;
 mod learned_times;
 #[path = "scenarios/leaving.rs"]
 mod leaving;
+#[path = "scenarios/model_conversations.rs"]
+mod model_conversations;
 #[path = "scenarios/native_blocks.rs"]
 mod native_blocks;
 #[path = "scenarios/noisy_line.rs"]

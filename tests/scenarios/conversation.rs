@@ -55,8 +55,12 @@ fn meaning(frame: &[u8]) -> String {
     }
 }
 
-fn compare(name: &str, text: &str) {
-    let path = format!("{}/tests/golden/conversations/{name}.txt", env!("CARGO_MANIFEST_DIR"));
+/// Where the texts are.
+pub const GOLDEN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/conversations");
+
+/// Compares `text` with the one that is kept under this name.
+pub fn compare(name: &str, text: &str) {
+    let path = format!("{GOLDEN}/{name}.txt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         std::fs::write(&path, text).expect("the golden text can be written");
     }
