@@ -6,7 +6,7 @@ use crate::config::qualified::Qualified;
 use crate::config::{self, Config};
 use crate::daemon::host::user_files;
 use crate::daemon::qualified_file;
-use crate::domain::problem::{Problem, nearest};
+use crate::domain::problem::{Problem, alternatives, nearest_names};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use crate::toml_file::Spanned;
@@ -76,7 +76,7 @@ pub fn drawn(found: &[Findings]) -> String {
 /// The model called `id`, a built-in one or one in `dirs`.
 ///
 /// # Errors
-/// There is none; the nearest identifier is offered. Or see [`catalog_with`].
+/// There is none; the nearest identifiers are offered. Or see [`catalog_with`].
 pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
     let catalog = catalog_with(dirs)?;
     catalog.find(id).cloned().ok_or_else(|| no_model(id, &catalog))
@@ -92,8 +92,12 @@ pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, Failure> {
 }
 
 fn no_model(id: &str, catalog: &Catalog) -> Failure {
-    let hint = nearest(id, catalog.ids()).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
-    Failure::wrong(format!("no model is called {id}{hint}"))
+    let near: Vec<_> = nearest_names(id, catalog.ids()).into_iter().map(str::to_owned).collect();
+    let hint = match alternatives(&near) {
+        near if near.is_empty() => "`vfd-gateway models list` shows all of them".to_owned(),
+        near => format!("did you mean {near}?"),
+    };
+    Failure::wrong(format!("no model is called {id}; {hint}"))
 }
 
 /// Reads a text file of at most 1 MiB.

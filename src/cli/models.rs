@@ -10,8 +10,10 @@ use crate::profile::summary;
 use crate::profile::words::POLL_CLASSES;
 use crate::toml_file::words::{FRAMINGS, word_for};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Arguments of `models`.
 #[derive(Debug, clap::Args)]
@@ -26,6 +28,9 @@ pub struct Args {
 enum Action {
     /// List the models, built-in and your own (default)
     List {
+        /// Only the models of this maker: a part of its name, or the beginning of the identifiers
+        #[arg(long, value_name = "MAKER")]
+        vendor: Option<String>,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -53,18 +58,18 @@ enum Action {
 /// Lists, shows or checks.
 pub fn models(args: &Args) -> Result<(), Failure> {
     match &args.action {
-        None => list(&args.own, false),
-        Some(Action::List { json }) => list(&args.own, *json),
+        None => list(&args.own, None, false),
+        Some(Action::List { vendor, json }) => list(&args.own, vendor.as_deref(), *json),
         Some(Action::Show { model, toml: true, .. }) => print(&input::model_text(model, &args.own)?),
         Some(Action::Show { model, json, .. }) => show(model, &args.own, *json),
         Some(Action::Check { file }) => check_file(file, &args.own),
-        Some(Action::New(args)) => new_model::new(args),
+        Some(Action::New(new)) => new_model::new(new, &args.own),
     }
 }
 
-fn list(own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
+fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Failure> {
     let catalog = input::catalog_with(own)?;
-    let models: Vec<_> = catalog.ids().filter_map(|id| catalog.find(id)).collect();
+    let models = of_vendor(catalog.models(), vendor)?;
     if as_json {
         return print(&format!("{:#}\n", Value::Array(models.iter().map(|model| in_short(model)).collect())));
     }
@@ -79,6 +84,27 @@ fn list(own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
         ]
     });
     print(&table(&std::iter::once(head).chain(rows).collect::<Vec<_>>()))
+}
+
+/// The models whose maker is called `vendor`: by a part of the maker's name, or by the beginning of the identifier.
+fn of_vendor<'a>(
+    models: impl Iterator<Item = &'a Arc<Model>>,
+    vendor: Option<&str>,
+) -> Result<Vec<&'a Arc<Model>>, Failure> {
+    let all: Vec<_> = models.collect();
+    let Some(vendor) = vendor else { return Ok(all) };
+    let wished = vendor.trim().to_lowercase();
+    let id_begins = format!("{}-", wished.replace(' ', "-"));
+    let is_of = |model: &&&Arc<Model>| {
+        model.id.starts_with(&id_begins) || (!wished.is_empty() && model.vendor.to_lowercase().contains(&wished))
+    };
+    let found: Vec<_> = all.iter().filter(is_of).copied().collect();
+    if found.is_empty() {
+        let makers: BTreeSet<_> = all.iter().map(|model| model.vendor.as_str()).collect();
+        let makers = makers.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(Failure::wrong(format!("no model is of a maker {vendor}; there are models of {makers}")));
+    }
+    Ok(found)
 }
 
 fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
@@ -195,4 +221,26 @@ fn table<const N: usize>(rows: &[[String; N]]) -> String {
         let _ = writeln!(text, "{}", cells.join("  ").trim_end());
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vendors;
+
+    #[test]
+    fn a_maker_is_found_by_its_name_or_the_beginning_of_the_identifiers() {
+        let catalog = vendors::catalog();
+        let ids = |vendor| {
+            let found = of_vendor(catalog.models(), Some(vendor)).map_err(|why| why.to_string());
+            found.map(|found| found.iter().map(|model| model.id.clone()).collect::<Vec<_>>())
+        };
+        assert_eq!(ids("eaton").unwrap(), ["eaton-dc1", "eaton-de1", "eaton-mmax"]);
+        assert_eq!(ids("Control Techniques").unwrap(), ids("control-techniques").unwrap());
+        assert_eq!(ids(" EATON ").unwrap().len(), 3);
+        assert_eq!(of_vendor(catalog.models(), None).unwrap().len(), catalog.ids().count());
+        let told = ids("etaon").unwrap_err();
+        assert!(told.contains("no model is of a maker etaon") && told.contains("Danfoss, Delta, Eaton"), "{told}");
+        assert!(ids("").is_err());
+    }
 }

@@ -13,7 +13,7 @@ use super::{commanders, control, http, line_plan, listen, listener_tls, lists, m
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
-use crate::domain::problem::{Problem, nearest};
+use crate::domain::problem::{Problem, alternatives, nearest_names};
 use crate::drive::description::{Points, Ratings};
 use crate::north::modbus::Limits;
 use crate::profile::catalog::Catalog;
@@ -238,13 +238,14 @@ fn model_of(drive: &DriveFile, models: Models<'_>, problems: &mut Vec<Problem>) 
 
 fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
     let problem = written.location.problem(format!("there is no model `{}`", written.value));
-    match nearest(&written.value, catalog.ids()) {
-        Some(near) => problem.right(format!("\"{near}\"")),
-        None => problem.right(format!(
-            "one of {}; or any Modbus device that a model file of your own describes, in a directory of `model_dirs`",
-            catalog.ids().collect::<Vec<_>>().join(", ")
-        )),
+    let near: Vec<_> = nearest_names(&written.value, catalog.ids()).iter().map(|near| format!("\"{near}\"")).collect();
+    if !near.is_empty() {
+        return problem.right(alternatives(&near));
     }
+    problem.right(format!(
+        "one of {}; or any Modbus device that a model file of your own describes, in a directory of `model_dirs`",
+        catalog.ids().collect::<Vec<_>>().join(", ")
+    ))
 }
 
 /// Each station is in its model's range and unique on the line.

@@ -56,6 +56,43 @@ pub fn nearest<'a>(wrong: &str, valid: impl IntoIterator<Item = &'a str>) -> Opt
     close.min_by_key(|(distance, _)| *distance).map(|(_, name)| name)
 }
 
+/// Most names that are offered for one.
+const OFFERED_MAX: usize = 3;
+/// Shortest text that may be meant as a part of a name.
+const PART_LEAST: usize = 3;
+
+/// The names in `valid`, of parts with hyphens between them, that may be meant by `wrong`, the nearest first and at most
+/// three: those close enough for a typing error, or else those that contain it. The first parts may be left out.
+#[must_use]
+pub fn nearest_names<'a>(wrong: &str, valid: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    let wrong = wrong.trim().to_lowercase().replace([' ', '_'], "-");
+    let tails = |name: &'a str| name.match_indices('-').map(move |(at, _)| &name[at + 1..]);
+    let typed = |name: &'a str| {
+        let distances =
+            std::iter::once(name).chain(tails(name)).map(|it| (strsim::damerau_levenshtein(&wrong, it), it));
+        let close = distances.filter(|(distance, it)| *distance <= if it.len() < 4 { 0 } else { 1 + it.len() / 4 });
+        close.map(|(distance, _)| distance).min()
+    };
+    let has = |name: &'a str| wrong.len() >= PART_LEAST && tails(name).next().is_some_and(|tail| tail.contains(&wrong));
+    let names: Vec<_> = valid.into_iter().collect();
+    let mut near: Vec<_> = names.iter().filter_map(|name| Some((typed(name)?, *name))).collect();
+    if near.is_empty() {
+        near = names.iter().filter(|name| has(name)).map(|name| (0, *name)).collect();
+    }
+    near.sort_unstable();
+    let best = near.first().map_or(0, |(distance, _)| *distance);
+    near.into_iter().take_while(|(distance, _)| *distance <= best + 1).map(|(_, name)| name).take(OFFERED_MAX).collect()
+}
+
+/// `names` with commas and an `or` between them.
+#[must_use]
+pub fn alternatives(names: &[String]) -> String {
+    match names {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => names.concat(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,5 +109,35 @@ mod tests {
     fn only_a_near_name_is_offered() {
         assert_eq!(nearest("buad", ["baud", "parity"]), Some("baud"));
         assert_eq!(nearest("colour", ["baud", "parity"]), None);
+    }
+
+    #[test]
+    fn several_names_are_offered_where_several_may_be_meant() {
+        const NAMES: [&str; 8] = [
+            "abb-acs355",
+            "abb-acs380",
+            "abb-acs550",
+            "abb-acs580",
+            "hyundai-n700",
+            "rockwell-powerflex-4",
+            "rockwell-powerflex-40",
+            "rockwell-powerflex-525",
+        ];
+        let near = |wrong| nearest_names(wrong, NAMES);
+        assert_eq!(near("hyundai-n70"), ["hyundai-n700"]);
+        assert_eq!(near("abb-acs880"), ["abb-acs380", "abb-acs580", "abb-acs550"]);
+        assert_eq!(near("N700"), ["hyundai-n700"], "the maker may be left out");
+        assert_eq!(near("PowerFlex 525"), ["rockwell-powerflex-525"]);
+        assert_eq!(near("flex"), ["rockwell-powerflex-4", "rockwell-powerflex-40", "rockwell-powerflex-525"]);
+        assert_eq!(near("generic"), [""; 0]);
+        assert_eq!(near(""), [""; 0]);
+    }
+
+    #[test]
+    fn alternatives_are_read_as_a_sentence() {
+        let told = |names: &[&str]| alternatives(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
+        assert_eq!(told(&[]), "");
+        assert_eq!(told(&["a"]), "a");
+        assert_eq!(told(&["a", "b", "c"]), "a, b or c");
     }
 }

@@ -125,3 +125,29 @@ fn made_from(template: &Path, file: &Path) -> String {
     let args = ["acme-flux", "--out", file.to_str().unwrap(), "--template", template.to_str().unwrap()];
     text(&answered(&args, &[]))
 }
+
+#[test]
+fn a_skeleton_is_a_list_of_what_to_fill_and_replaces_no_file() {
+    let place = Place::new();
+    let file = place.file("flux.toml");
+    let out = file.to_str().unwrap();
+    let said = text(&answered(&["acme-flux-2", "--skeleton", "--out", out], &[]));
+    assert!(said.contains("lists what is left to fill"), "{said}");
+    assert_says(&vfd_gateway(&["models", "check", out]), 2, &["run.stop.value", "link.bauds.value[0]"]);
+    let before = std::fs::read(&file).unwrap();
+    let again = answered(&["acme-flux-2", "--like", "hyundai-n700", "--out", out], &[]);
+    assert_says(&again, 2, &["already exists and is not overwritten"]);
+    assert_eq!(std::fs::read(&file).unwrap(), before);
+}
+
+#[test]
+fn a_file_that_begins_from_another_model_says_what_is_unproven() {
+    let place = Place::new();
+    let file = place.file("like.toml");
+    let said = text(&answered(&["acme-flux-3", "--like", "hyundai-n700", "--out", file.to_str().unwrap()], &[]));
+    for word in ["is sound", "takes orders only with accept_unverified", "stop: sibling"] {
+        assert!(said.contains(word), "no {word}:\n{said}");
+    }
+    let unknown = answered(&["acme-x", "--like", "n70", "--out", place.file("x.toml").to_str().unwrap()], &[]);
+    assert_says(&unknown, 2, &["no model is called n70", "did you mean hyundai-n700?"]);
+}

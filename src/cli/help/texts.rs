@@ -69,7 +69,10 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     help(
         "models list",
         "",
-        &[("vfd-gateway models list --json", "for a script: identifiers, framings, capabilities")],
+        &[
+            ("vfd-gateway models list --vendor MAKER", "the models of one maker"),
+            ("vfd-gateway models list --json", "for a script: identifiers, framings, capabilities"),
+        ],
     ),
     help(
         "models show",
@@ -94,6 +97,8 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
             ("vfd-gateway models new acme-flux-2", "ask, and write acme-flux-2.toml"),
             ("vfd-gateway models new acme-flux-2 --port /dev/ttyUSB0 --station 1 --baud 9600", "read from the drive meanwhile"),
             ("vfd-gateway models new acme-flux-2 --template config-acme.json", "begin from a template of wb-mqtt-serial"),
+            ("vfd-gateway models new acme-flux-3 --like MODEL", "begin from another model, and state what differs by hand"),
+            ("vfd-gateway models new acme-flux-2 --skeleton", "write a skeleton to fill by hand"),
         ],
     ),
     help(

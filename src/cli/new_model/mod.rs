@@ -1,12 +1,15 @@
-//! `models new`: a model file from a person's answers, from a drive that is read meanwhile, or from a device template.
+//! `models new`: a model file from a person's answers, from a drive that is read meanwhile, or from a device template; or one to
+//! fill by hand, whose gaps `models check` lists.
 
 mod facts;
 mod interview;
 mod live;
 mod questions;
+mod skeleton;
 mod template;
 mod trial;
 
+use crate::cli::own_models::ModelDirs;
 use crate::cli::{Failure, input, print};
 use crate::daemon::host::clock;
 use crate::daemon::host::user_files::BYTES_MAX;
@@ -31,6 +34,12 @@ pub struct Args {
     /// Take the registers from a device template of wb-mqtt-serial (JSON) instead of asking. The model is then only read
     #[arg(long, value_name = "FILE", conflicts_with = "port")]
     template: Option<PathBuf>,
+    /// Ask nothing: write a skeleton with a comment at each place, to be filled with an editor
+    #[arg(long, conflicts_with_all = ["port", "template"])]
+    skeleton: bool,
+    /// Ask nothing: write a file that begins from this model and names what to state again
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["port", "template", "skeleton"])]
+    like: Option<String>,
     #[command(flatten)]
     live: LiveArgs,
 }
@@ -50,10 +59,18 @@ fn identifier(text: &str) -> Result<String, String> {
 }
 
 /// Asks, writes the file, checks it, and plays it.
-pub fn new(args: &Args) -> Result<(), Failure> {
+pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.toml", args.id)));
     if out.exists() {
         return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+    }
+    if let Some(base) = &args.like {
+        written(&out, &skeleton::like(&args.id, &*input::model(base, own)?))?;
+        return super::models::check_file(&out, own);
+    }
+    if args.skeleton {
+        written(&out, &skeleton::skeleton(&args.id))?;
+        return print(&format!("`vfd-gateway models check {}` lists what is left to fill\n", out.display()));
     }
     let facts = match &args.template {
         Some(file) => template::facts(&args.id, file, &input::read(file)?)?,
@@ -61,11 +78,15 @@ pub fn new(args: &Args) -> Result<(), Failure> {
     };
     let text = facts.text();
     debug_assert!(u64::try_from(text.len()).is_ok_and(|bytes| bytes <= BYTES_MAX));
-    whole_files::create(&out, text.as_bytes(), Readers::All)
-        .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))?;
-    print(&format!("\n{} is written.\n", out.display()))?;
-    super::models::check_file(&out, &super::own_models::ModelDirs::default())?;
+    written(&out, &text)?;
+    super::models::check_file(&out, &ModelDirs::default())?;
     print(&format!("On a simulated drive: {}\n", played(&args.id, &out, &text)?))
+}
+
+fn written(out: &Path, text: &str) -> Result<(), Failure> {
+    whole_files::create(out, text.as_bytes(), Readers::All)
+        .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))?;
+    print(&format!("\n{} is written.\n", out.display()))
 }
 
 fn asked(args: &Args) -> Result<facts::Facts, Failure> {

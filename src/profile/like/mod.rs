@@ -13,7 +13,7 @@ mod tests;
 pub(super) use overlay::ROWS;
 pub(super) use overlay::row_of;
 
-use crate::domain::problem::{Problem, nearest};
+use crate::domain::problem::{Problem, alternatives, nearest_names};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Document, Location, OptionalKey, Reader, Spanned, document, written};
 use std::iter;
@@ -187,9 +187,10 @@ fn base_of<'s>(
     let source = sources.find(id);
     if source.is_none() {
         let ids = sources.ids();
-        let right = match nearest(id, ids.iter().map(String::as_str)) {
-            Some(near) => format!("`{near}`"),
-            None => "the `id` of a model that is built in or in the same directories".to_owned(),
+        let near = nearest_names(id, ids.iter().map(String::as_str));
+        let right = match alternatives(&near.iter().map(|near| format!("`{near}`")).collect::<Vec<_>>()) {
+            near if near.is_empty() => "the `id` of a model that is built in or in the same directories".to_owned(),
+            near => near,
         };
         problems.push(tell(format!("there is no model `{id}`"), right));
     }

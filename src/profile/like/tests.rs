@@ -136,7 +136,7 @@ fn mistakes_in_what_is_named_are_reported() {
         assert_eq!(refused(&[&like_one(more), MODEL]), expected, "{more}");
     }
     let unknown = like_one("").replace("acme-1", "acme-11");
-    assert_eq!(refused(&[&unknown, MODEL]), "0.toml:3 like: there is no model `acme-11` -> `acme-1`\n");
+    assert_eq!(refused(&[&unknown, MODEL]), "0.toml:3 like: there is no model `acme-11` -> `acme-1` or `acme-2`\n");
     let alone = MODEL.replacen("vendor", "without = [\"trip.7\"]\nvendor", 1);
     assert_eq!(
         refused(&[&alone]),
