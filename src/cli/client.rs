@@ -281,7 +281,7 @@ pub const LEASE_LEFT: u16 = 18;
 pub const REASON: u16 = 261;
 
 /// The status bits by name, from bit 0 on.
-const STATUS_BITS: [&str; 12] = [
+const STATUS_BITS: [&str; 13] = [
     "online",
     "running",
     "reverse",
@@ -294,6 +294,7 @@ const STATUS_BITS: [&str; 12] = [
     "start_inhibited",
     "local",
     "alarm",
+    "warning",
 ];
 
 /// The capability bits by name, from bit 0 on.

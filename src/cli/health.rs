@@ -137,10 +137,11 @@ fn report(health: &Value) -> String {
         let run_state = word(drive, "run_state");
         let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
         let watchdog = watchdog.unwrap_or_default();
+        let warning = drive["warning"].as_str().map(|text| format!(", warns: {text}")).unwrap_or_default();
         let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         let site =
             if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
-        let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{site}");
+        let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{warning}{site}");
     }
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
         let rival = if health["mqtt"]["contested"] == true {

@@ -89,6 +89,7 @@ signs! {
     // A drive.
     Tripped "tripped" Trip "the drive is tripped"
     Offline "offline" Problem "the drive does not answer"
+    Warns "warns" Hint "the drive shows a warning, and goes on"
     BusRefused "bus_refused" Problem "a parameter of the drive keeps it from obeying the bus"
     LocalControl "local_control" Problem "the drive obeys its panel or terminals"
     NotEffective "not_effective" Problem "a stop shows no effect"
@@ -149,6 +150,11 @@ pub fn ranked(findings: impl IntoIterator<Item = Finding>) -> Vec<Finding> {
 
 /// What to do about a drive that does not answer.
 pub(super) const OFFLINE_REMEDY: &str = "check its power, its wiring, its station number, speed and parity";
+
+/// What a drive warns of.
+pub(super) fn warns_text(warning: &str) -> String {
+    format!("the drive warns: {warning}; it goes on, and may trip if the cause stays")
+}
 
 /// That so many exchanges of a line fail that RUN is refused.
 pub(super) fn suspended_text(bad_per_cent: u8) -> String {

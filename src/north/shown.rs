@@ -8,6 +8,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::{Presence, ValueReading};
 use crate::drive::view::{DriveView, RunState};
+use crate::drive::warnings;
 use crate::profile::model::Register;
 use std::time::Duration;
 
@@ -51,6 +52,19 @@ pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at
 pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<u16> {
     let register = drive.model.warning_register()?;
     fresh(drive, register, view, at).map(|reading| register.code_in(reading.raw))
+}
+
+/// Whether a warning is active; `None` if the model has none, or it is not known.
+#[must_use]
+pub fn warns(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<bool> {
+    warning(drive, view, at).filter(|_| view.is_online()).map(|word| word != 0)
+}
+
+/// The texts of the active warnings; `None` if there are none, or they are not known.
+#[must_use]
+pub fn warning_text(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<String> {
+    let word = warning(drive, view, at).filter(|_| view.is_online())?;
+    warnings::text(&drive.model, word)
 }
 
 /// The state of the drive's own state machine in the vendor's words; `None` if the model has none, or it is not known.

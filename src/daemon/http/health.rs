@@ -4,7 +4,7 @@ use super::state::State;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
-use crate::north::shown::{self, presence, run_state};
+use crate::north::shown::{self, presence, run_state, warning_text};
 use serde_json::{Value, json};
 
 /// Why the gateway is ready or not: each line and the broker.
@@ -25,7 +25,7 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
         "uptime_seconds": now.since(state.started).as_secs(),
         "ready": state.is_ready(),
         "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
-        "drives": state.shared.load().drives.iter().map(|it| drive(it)).collect::<Vec<_>>(),
+        "drives": state.shared.load().drives.iter().map(|it| drive(it, now)).collect::<Vec<_>>(),
         "mqtt": mqtt(state),
         "sparkplug": sparkplug(state),
         "journal": journal(state),
@@ -49,7 +49,7 @@ fn line(line: &SharedLine) -> Value {
         "suspicion": suspicion.map(|suspicion| suspicion.to_string()) })
 }
 
-fn drive(drive: &SharedDrive) -> Value {
+fn drive(drive: &SharedDrive, now: MonoTime) -> Value {
     let description = &drive.description;
     let view = drive.view.load();
     json!({
@@ -60,6 +60,7 @@ fn drive(drive: &SharedDrive) -> Value {
         "uniform_unit": description.uniform_unit.get(),
         "presence": presence(&view),
         "run_state": run_state(&view).word(),
+        "warning": warning_text(description, &view, now),
         "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
         "site": description.control.as_ref().map(|control| shown::site(control)),
     })

@@ -7,6 +7,7 @@ use crate::domain::counts::ReplyCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
+use crate::north::shown;
 use crate::profile::model::{PollClass, Register, Role};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet, text};
@@ -76,6 +77,11 @@ impl Scrape {
     fn registers(&self, encoder: &mut DescriptorEncoder<'_>, drives: &[(&SharedDrive, Arc<DriveView>)]) -> fmt::Result {
         let ages = drives.iter().filter_map(|(drive, view)| Some((labels(drive), age(drive, view, self.now)?)));
         gauges(encoder, &table::VALUE_AGE, ages)?;
+        let warns = drives.iter().filter_map(|(drive, view)| {
+            let warns = shown::warns(&drive.description, view, self.now)?;
+            Some((labels(drive), f64::from(u8::from(warns))))
+        });
+        gauges(encoder, &table::WARNING, warns)?;
         let fresh = || drives.iter().flat_map(|(drive, view)| fresh(drive, view, self.now));
         let is_output = |register: &Register| register.role == Some(Role::OutputFrequency);
         let output = fresh().filter(|(_, register, _)| is_output(register));

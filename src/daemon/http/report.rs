@@ -7,6 +7,7 @@ use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::host::clock;
 use crate::domain::ids::Station;
 use crate::north::report::{DriveSeen, LineSeen, Observed, document};
+use crate::north::shown::warning_text;
 use axum::Router;
 use axum::extract::{Path, State};
 use axum::http::{StatusCode, Uri};
@@ -113,13 +114,18 @@ fn span(query: Option<&str>) -> Option<Option<Duration>> {
 /// The line as it is now.
 fn look(line: &SharedLine) -> LineSeen {
     let stations = line.wiring.stations.iter().copied().chain(std::iter::repeat(Station(0)));
-    let drives = line.drives.iter().zip(stations).map(|(drive, station)| DriveSeen {
-        name: drive.description.name.clone(),
-        station,
-        presence: drive.view.load().snapshot.presence,
-        report: drive.station.load_full(),
+    let now = clock::now();
+    let drives = line.drives.iter().zip(stations).map(|(drive, station)| {
+        let view = drive.view.load();
+        DriveSeen {
+            name: drive.description.name.clone(),
+            station,
+            presence: view.snapshot.presence,
+            warning: warning_text(&drive.description, &view, now),
+            report: drive.station.load_full(),
+        }
     });
-    LineSeen { at: clock::now(), report: line.report(), drives: drives.collect() }
+    LineSeen { at: now, report: line.report(), drives: drives.collect() }
 }
 
 #[cfg(test)]

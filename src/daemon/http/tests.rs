@@ -393,6 +393,7 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.push((&table::REPLY, "`line`, `drive`, `class`"));
     all.push((&table::COMMANDS, "`line`, `drive`, `source`, `outcome`"));
     all.push((&table::VALUE_AGE, "`line`, `drive`"));
+    all.push((&table::WARNING, "`line`, `drive`"));
     all.push((&table::OUTPUT_FREQUENCY, "`line`, `drive`"));
     all.push((&table::VALUE, "`line`, `drive`, `name`, `unit`"));
     all.extend(names(table::MODBUS).map(of("-")));

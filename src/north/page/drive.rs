@@ -10,7 +10,6 @@ use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView};
-use crate::drive::warnings;
 use crate::journal::trip;
 use crate::north::shown::{self, quality, stale_at};
 use crate::profile::model::{Register, Role};
@@ -58,7 +57,7 @@ impl Drive<'_> {
                 "alarm": view.status.alarm,
                 "ready": view.status.ready,
             },
-            "warning": self.warning(present.now),
+            "warning": shown::warning_text(self.description, self.view, present.now),
             "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
             "control": description.control.as_ref().map(|settings| self.control(settings, present.now)),
             "values": self.polled().map(|register| self.value(register, present.now)).collect::<Vec<_>>(),
@@ -107,13 +106,6 @@ impl Drive<'_> {
             "total": kept.total,
             "last_at": trip.last.as_ref().map(|last| present.clock.text(last.at)),
         })
-    }
-
-    /// The texts of the active warnings; `null` if there are none, or they are not known.
-    fn warning(&self, now: MonoTime) -> Option<String> {
-        let model = &self.description.model;
-        let word = shown::warning(self.description, self.view, now)?;
-        warnings::text(model, word)
     }
 
     fn control(&self, settings: &ControlSettings, now: MonoTime) -> Value {

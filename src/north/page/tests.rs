@@ -16,7 +16,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
-use crate::north::finding::{Severity, ranked};
+use crate::north::finding::{Severity, Sign, ranked};
 use crate::profile::model::Role;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -263,6 +263,30 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     assert!(has(Severity::Hint, "the commander was lost"), "{said:?}");
     view.control.as_mut().unwrap().last = Some(Report::new(Outcome::Confirmed, Reason::None));
     assert_eq!(advice(&description, &view).len(), said.len() - 1);
+}
+
+#[test]
+fn a_warning_is_told_as_long_as_it_is_fresh_and_the_drive_answers() {
+    let mut description = description("teco-e510");
+    let mut model = (*description.model).clone();
+    let register = model.registers.iter_mut().find(|it| it.role == Some(Role::TripCode)).unwrap();
+    register.role = Some(Role::WarningCode);
+    let address = register.address;
+    description.model = Arc::new(model);
+    let mut view = view(&description, 0);
+    view.snapshot.take(address, &[0], NOW);
+    let told = |view: &DriveView, at| {
+        let said = drive(&description, view).advice(Interface::Rs485, at);
+        let warns = said.into_iter().find(|it| it.sign == Sign::Warns)?;
+        Some((warns.severity, warns.text))
+    };
+    assert_eq!(told(&view, NOW), None);
+    view.snapshot.take(address, &[9], NOW);
+    let text = "the drive warns: code 9; it goes on, and may trip if the cause stays".to_owned();
+    assert_eq!(told(&view, NOW), Some((Severity::Hint, text)));
+    assert_eq!(told(&view, NOW + Duration::from_secs(600)), None, "too old");
+    view.snapshot.presence = Presence::Offline;
+    assert_eq!(told(&view, NOW), None);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::domain::counts::DamageCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::suspicion::Suspicion;
 use crate::drive::snapshot::Presence;
-use crate::north::finding::{OFFLINE_REMEDY, Severity};
+use crate::north::finding::{OFFLINE_REMEDY, Severity, warns_text};
 
 /// Long replies are damaged because of their length if this many times more of them are.
 const LONG_TIMES: u64 = 3;
@@ -25,6 +25,11 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let is_offline = seen.is_up() && is_silent && !is_told;
     let text = || format!("it does not answer at station {}: {OFFLINE_REMEDY}", station.0);
     is_offline.then(|| (Severity::Problem, text()))
+}
+
+pub(super) fn warns(_: &Observed, drive: &DriveObserved) -> FindingText {
+    let warning = drive.now.warning.as_ref()?;
+    Some((Severity::Hint, warns_text(warning)))
 }
 
 pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> FindingText {

@@ -39,6 +39,8 @@ pub struct DriveSeen {
     pub station: Station,
     /// Whether it answers, as last known.
     pub presence: Presence,
+    /// What it warns of, as last known.
+    pub warning: Option<String>,
     /// Its line's record of it.
     pub report: Arc<StationReport>,
 }

@@ -59,6 +59,7 @@ pub const RULES: &[Rule] = &[
     drive(Sign::Silent, super::drive_rules::silent),
     drive(Sign::TimeoutShort, super::drive_rules::timeout_short),
     drive(Sign::Exceptions, super::drive_rules::exceptions),
+    drive(Sign::Warns, super::drive_rules::warns),
 ];
 
 /// All findings on the line called `name`, the worst first; that all is well if there is none.

@@ -29,7 +29,7 @@ fn drive(name: &str, station: u8) -> DriveSeen {
     let unseen = ReplyReport { timeout: ms(500), ..ReplyReport::default() };
     let report = StationReport { replies: [reads, unseen, unseen], exchanges, ..StationReport::default() };
     let name = Name::new(name).unwrap();
-    DriveSeen { name, station: Station(station), presence: Presence::Online, report: Arc::new(report) }
+    DriveSeen { name, station: Station(station), presence: Presence::Online, warning: None, report: Arc::new(report) }
 }
 
 fn up() -> LineReport {
@@ -123,6 +123,7 @@ fn drive_cases() -> Vec<Case> {
             "wiring",
             of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 0, 8)),
         ),
+        (Sign::Warns, Hint, "a: the drive warns: hot", of_a(|a| a.now.warning = Some("hot".to_owned()))),
         (Sign::DuplicateStation, Problem, "two drives probably have station 1", of_a(|a| a.damage.doubled = 3)),
         (Sign::LateBeyondLimit, Problem, "2 replies", of_a(|a| a.damage.beyond_limit = 2)),
         (Sign::Silent, Problem, "40 of 1000", answered(960, 40, 0)),

@@ -140,6 +140,13 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     }),
 ];
 
+/// Whether it warns; labels `line` and `drive`.
+pub(in super::super) const WARNING: Name = plain(
+    "drive_warning_active",
+    None,
+    "1 while the drive shows a warning; absent while that is not known, and for models without warnings.",
+);
+
 /// The output frequency as the drive reports it, while it is fresh; labels `line` and `drive`.
 pub(in super::super) const OUTPUT_FREQUENCY: Name =
     plain("drive_output_frequency", Some("hertz"), "Output frequency; absent while it is stale.");

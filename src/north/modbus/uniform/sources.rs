@@ -24,6 +24,8 @@ pub(super) struct Sources {
     pub(super) polled: Vec<(Register, Freshness)>,
     /// Trips are shown or counted.
     pub(super) has_trips: bool,
+    /// The register of warnings.
+    pub(super) warning: Option<(Register, Freshness)>,
     /// The drive has a control section.
     pub(super) has_control: bool,
 }
@@ -51,6 +53,7 @@ impl Sources {
             run_hours: column(Role::RunHours, UnitOfMeasure::Hour),
             polled: registers.filter(is_live).filter_map(|it| Some((it.clone(), drive.freshness(it)?))).collect(),
             has_trips,
+            warning: drive.model.warning_register().and_then(|it| Some((it.clone(), drive.freshness(it)?))),
             has_control: drive.control.is_some(),
         }
     }
@@ -61,6 +64,15 @@ impl Sources {
         let output = fresh(&self.output_frequency);
         let setting = fresh(&self.setting);
         output.zip(setting).is_some_and(|(output, setting)| output.is_near(setting))
+    }
+
+    /// Whether a warning is active, by a fresh reading.
+    pub(super) fn warns(&self, view: &DriveView, now: MonoTime) -> bool {
+        self.warning.as_ref().is_some_and(|(register, freshness)| {
+            let is_fresh = freshness.ends_at(register, &view.snapshot).is_some_and(|ends_at| now < ends_at);
+            let word = view.snapshot.reading(register.address).filter(|_| is_fresh);
+            word.is_some_and(|reading| register.code_in(reading.raw) != 0)
+        })
     }
 
     /// Whether a polled value is stale or was never read.

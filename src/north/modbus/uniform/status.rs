@@ -35,6 +35,8 @@ pub mod bit {
     pub const LOCAL: u16 = 1 << 10;
     /// The drive itself reports an alarm.
     pub const ALARM: u16 = 1 << 11;
+    /// The drive shows a warning, by its number or a bit.
+    pub const WARNING: u16 = 1 << 12;
 }
 
 /// Alarm bits: uniform word 17.
@@ -96,6 +98,7 @@ pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
         (control.is_some_and(|control| control.start_inhibited), bit::INHIBITED),
         (is_local, bit::LOCAL),
         (view.is_online() && view.status.alarm == Some(true), bit::ALARM),
+        (view.is_online() && sources.warns(view, now), bit::WARNING),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
@@ -119,8 +122,8 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 /// Uniform word 15: the status bits that can ever be set for this drive.
 ///
 /// Online always; stale if anything is polled; running if the output frequency or a status word is; at setpoint if the
-/// setting is as well; tripped if the trips are shown or counted; local and alarm if a status word shows them; reverse
-/// if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
+/// setting is as well; tripped if the trips are shown or counted; local and alarm if a status word shows them; warning
+/// if a polled register does; reverse if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
 /// what was ordered; and with control accepts, pending, leased and inhibited.
 pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
     let has_flag = |flag| drive.model.status_flag(flag).is_some();
@@ -137,6 +140,7 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
         (!sources.polled.is_empty(), bit::STALE),
         (has_flag(Flag::BusRun) || has_flag(Flag::BusFrequency), bit::LOCAL),
         (has_flag(Flag::Alarm), bit::ALARM),
+        (sources.warning.is_some(), bit::WARNING),
     ]
     .into_iter()
     .filter_map(|(is_set, bits)| is_set.then_some(bits))

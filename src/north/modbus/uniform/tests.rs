@@ -198,6 +198,27 @@ fn trips_are_counted_as_they_are_kept() {
 }
 
 #[test]
+fn a_warning_has_a_bit_that_only_drives_with_warnings_report() {
+    let mut description = testing::description();
+    let mut model = testing::model();
+    let register = model.registers.iter_mut().find(|it| it.name == "run_hours").unwrap();
+    register.role = Some(crate::profile::model::Role::WarningBits);
+    register.form.mask = 0x00F0;
+    let address = register.address;
+    description.model = Arc::new(model);
+    let shown = |word, now| {
+        let mut view = testing::view();
+        view.snapshot.take(address, &[word], NOW);
+        let words = picture(&Uniform::new(&description), &view, now);
+        (words[1] & bit::WARNING, words[15] & bit::WARNING)
+    };
+    assert_eq!(shown(0x0010, NOW), (bit::WARNING, bit::WARNING));
+    assert_eq!(shown(0xFF0F, NOW), (0, bit::WARNING), "the other bits of the word are none of its own");
+    assert_eq!(shown(0x0010, later(600_000)), (0, bit::WARNING), "too old");
+    assert_eq!(word(15, &testing::view()) & bit::WARNING, 0);
+}
+
+#[test]
 fn control_is_shown_as_it_is() {
     let mut view = testing::view();
     let control = ControlView {

@@ -9,9 +9,9 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::journal::trip;
-use crate::north::finding::{Finding, OFFLINE_REMEDY, Severity, Sign};
+use crate::north::finding::{Finding, OFFLINE_REMEDY, Severity, Sign, warns_text};
 use crate::north::page::drive::Drive;
-use crate::north::shown::fresh;
+use crate::north::shown::{fresh, warning_text};
 use crate::profile::model::{Register, RunForm, SetupItem};
 use crate::profile::scale::Scaled;
 
@@ -29,6 +29,9 @@ impl Drive<'_> {
             said.say(Sign::Offline, format!("the drive does not answer{station}: {OFFLINE_REMEDY}"));
         }
         self.tripped(&mut said);
+        if let Some(warning) = warning_text(description, self.view, now) {
+            said.say(Sign::Warns, warns_text(&warning));
+        }
         if let Some(settings) = &description.control {
             self.obedience(&mut said, interface, now);
             self.setpoint_limits(&mut said, settings, now);

@@ -132,7 +132,7 @@ class Card {
     text(this.trip, is_active ? `TRIP ${name}${when}` : `Last trip ${name}${when} (${number(trip.count)} in all)`);
   }
 
-  draw_marks({ presence, status, control, watchdog, trip }) {
+  draw_marks({ presence, status, control, watchdog, trip, warning }) {
     const marks = [
       [presence === "offline", "bad", "does not answer"],
       [control?.not_effective, "bad", "stop not effective"],
@@ -140,6 +140,7 @@ class Card {
       [control?.stop_pending, "bad", "stop pending"],
       [status?.local === true, "warn", "local control"],
       [status?.alarm === true, "warn", "alarm"],
+      [warning, "warn", `warning: ${warning}`],
       [status?.ready === false, "warn", "not ready"],
       [control?.start_inhibited, "warn", "start inhibited"],
       [control?.command_pending, "info", "command pending"],
