@@ -3,24 +3,25 @@
 use crate::profile::model::{CodeText, Model, Role};
 use crate::profile::value::codes_of_bits;
 
-/// The number of the warning that `word` of the model's warning register shows, 0 for none; of bits, the number of the
-/// lowest + 1.
+/// The number of the warning that the model's warning register shows with `shown`, 0 for none; of bits, the number of
+/// the lowest + 1.
 #[must_use]
-pub fn code(model: &Model, word: u16) -> u16 {
-    if are_bits(model) { codes_of_bits(word).next().unwrap_or(0) } else { word }
+pub fn code(model: &Model, shown: u32) -> u16 {
+    if are_bits(model) { codes_of_bits(shown).next().unwrap_or(0) } else { u16::try_from(shown).unwrap_or(u16::MAX) }
 }
 
-/// The vendor's texts for all warnings that `word` shows, each marked if it is unproven; `None` if it shows none.
+/// The vendor's texts for all warnings that it shows with `shown`, each marked if it is unproven; `None` if it shows
+/// none.
 #[must_use]
-pub fn text(model: &Model, word: u16) -> Option<String> {
-    if word == 0 {
+pub fn text(model: &Model, shown: u32) -> Option<String> {
+    if shown == 0 {
         return None;
     }
     let text = |code, unknown: String| model.warning_text(code).map_or(unknown, CodeText::marked);
     if !are_bits(model) {
-        return Some(text(word, format!("code {word}")));
+        return Some(text(code(model, shown), format!("code {shown}")));
     }
-    let texts: Vec<_> = codes_of_bits(word).map(|code| text(code, format!("bit {}", code - 1))).collect();
+    let texts: Vec<_> = codes_of_bits(shown).map(|code| text(code, format!("bit {}", code - 1))).collect();
     Some(texts.join("; "))
 }
 

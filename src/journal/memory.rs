@@ -50,7 +50,7 @@ impl Remembered {
         let trips = |it: &Value| TripBaseline {
             count: word(&it["count"]),
             held: it["held"].as_bool(),
-            code: word(&it["code"]),
+            code: it["code"].as_u64().and_then(|code| u32::try_from(code).ok()),
         };
         let lease = |it: &Value| {
             let owner = words::owner(it["owner"].as_str()?)?;
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn entries_change_it() {
         let mut memory = Remembered::default();
-        let baseline = TripBaseline { count: Some(7), held: Some(true), code: Some(3) };
+        let baseline = TripBaseline { count: Some(7), held: Some(true), code: Some(0x8000_0003) };
         let record = TripRecord { at: MonoTime::ZERO, code: Some(3), words: Vec::new() };
         let event = |kind| TripEvent { kind, count: Some(7), at: MonoTime::ZERO, while_away: false };
         memory.take(&Entry::Trip(event(TripEventKind::Tripped { trips: 2, record }), baseline));

@@ -14,7 +14,7 @@ use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
 use crate::drive::plan::Pace;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::profile::model::{CodeText, Confidence, Model, Role};
+use crate::profile::model::{CodeText, Confidence, Model, Role, WordOrder};
 use crate::vendors;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -372,6 +372,18 @@ fn of_trips_that_are_bits_all_texts_are_reported() {
     drive.model = Arc::new(model);
     let record = TripRecord { at: MonoTime::from_millis(1), code: Some(1), words: vec![(address, 0b10_1001)] };
     assert_eq!(trip::text_of(&drive, &record).as_deref(), Some("overcurrent; overheated; bit 5"));
+    let two_words = |order: WordOrder| {
+        let mut drive = drive.clone();
+        let mut model = Model::clone(&drive.model);
+        model.registers[0].form.pair = Some(order);
+        drive.model = Arc::new(model);
+        let [first, second] = order.words(0x0002_0001);
+        let words = vec![(address, first), (address.saturating_add(1), second)];
+        trip::text_of(&drive, &TripRecord { words, ..record.clone() })
+    };
+    for order in [WordOrder::HighFirst, WordOrder::LowFirst] {
+        assert_eq!(two_words(order).as_deref(), Some("overcurrent; bit 17"), "{order:?}");
+    }
     let unread = TripRecord { words: Vec::new(), ..record };
     assert_eq!(trip::text_of(&drive, &unread).as_deref(), Some("overcurrent"), "as far as it is known");
 }

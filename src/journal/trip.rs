@@ -1,5 +1,6 @@
 //! Trips as JSON: the published body of an event, and a record by the names of its registers.
 
+use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::{DriveView, TripEvent, TripEventKind, TripRecord};
@@ -63,10 +64,10 @@ pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) 
 /// The vendor's text for the trip of `record`. If each trip has a bit, the texts of all that were active.
 #[must_use]
 pub fn text_of(drive: &DriveDescription, record: &TripRecord) -> Option<String> {
-    let bits = drive.model.trip_bits().and_then(|register| {
-        let (_, bits) = record.words.iter().find(|(address, _)| *address == register.address)?;
-        bits_text(drive, register.code_in(*bits))
-    });
+    let bits = drive
+        .model
+        .trip_bits()
+        .and_then(|register| bits_text(drive, register.code(|address| word_of(record, address))?));
     bits.or_else(|| record.code.and_then(|code| text(drive, code)))
 }
 
@@ -85,18 +86,19 @@ pub fn active_text(drive: &DriveDescription, view: &DriveView) -> Option<String>
     if view.trip.active? { text_of(drive, view.trip.last.as_ref()?) } else { None }
 }
 
-/// What the `word` of a register with `role` says about trips; `None` if it shows none, or other things.
+/// What a register with `role` says about trips with the code or the bits `shown`; `None` if it shows none, or other
+/// things.
 #[must_use]
-pub fn meaning(drive: &DriveDescription, role: Role, word: u16) -> Option<String> {
+pub fn meaning(drive: &DriveDescription, role: Role, shown: u32) -> Option<String> {
     match role {
-        Role::TripBits => bits_text(drive, word),
-        Role::TripCode | Role::TripCause | Role::TripHistory => text(drive, word),
+        Role::TripBits => bits_text(drive, shown),
+        Role::TripCode | Role::TripCause | Role::TripHistory => text(drive, u16::try_from(shown).ok()?),
         _ => None,
     }
 }
 
 /// The texts of all trips whose bits are set in `bits`, the lowest first.
-fn bits_text(drive: &DriveDescription, bits: u16) -> Option<String> {
+fn bits_text(drive: &DriveDescription, bits: u32) -> Option<String> {
     let texts: Vec<_> = codes_of_bits(bits).filter_map(|code| text(drive, code)).collect();
     (!texts.is_empty()).then(|| texts.join("; "))
 }
@@ -123,8 +125,11 @@ fn is_of_a_record(register: &Register) -> bool {
     register.form.mask == u16::MAX || register.role.is_some()
 }
 
+fn word_of(record: &TripRecord, address: Address) -> Option<u16> {
+    record.words.iter().find(|(it, _)| *it == address).map(|(_, word)| *word)
+}
+
 /// The value of `register` from the words of the record; `null` if it depends on others.
 fn with_unit(register: &Register, record: &TripRecord) -> Value {
-    let word = |address| record.words.iter().find(|(it, _)| *it == address).map(|(_, word)| *word);
-    json!({ "value": register.value(word).map(Scaled::value), "unit": unit(register) })
+    json!({ "value": register.value(|address| word_of(record, address)).map(Scaled::value), "unit": unit(register) })
 }

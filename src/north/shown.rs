@@ -49,9 +49,10 @@ pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at
 
 /// The number or the bits that the warning register shows; `None` if the model has none, or it is not known.
 #[must_use]
-pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<u16> {
+pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<u32> {
     let register = drive.model.warning_register()?;
-    fresh(drive, register, view, at).map(|reading| register.code_in(reading.raw))
+    fresh(drive, register, view, at)?;
+    register.code(|address| view.snapshot.reading(address).map(|reading| reading.raw))
 }
 
 /// Whether a warning is active; `None` if the model has none, or it is not known.

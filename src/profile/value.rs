@@ -1,6 +1,6 @@
 //! The value of a register, worked out from the words of the drive. This is the only place that knows how.
 
-use super::model::{Addend, Basis, FullScale, Register, Whole, WordOrder};
+use super::model::{Addend, Basis, FullScale, Register, Whole};
 use super::scale::{Decimal, Scaled, digits_of};
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
@@ -106,9 +106,9 @@ pub fn field(word: u16, mask: u16, signed: bool) -> i64 {
     if is_negative { number - (1 << bits) } else { number }
 }
 
-/// The codes of the bits that are set in `word`, the lowest first: the number of each bit + 1.
-pub fn codes_of_bits(word: u16) -> impl Iterator<Item = u16> {
-    (0..16_u16).filter(move |bit| word >> bit & 1 == 1).map(|bit| bit + 1)
+/// The codes of the bits that are set in `bits`, the lowest first: the number of each bit + 1.
+pub fn codes_of_bits(bits: u32) -> impl Iterator<Item = u16> {
+    (0..32_u16).filter(move |bit| bits >> bit & 1 == 1).map(|bit| bit + 1)
 }
 
 impl Register {
@@ -118,11 +118,7 @@ impl Register {
         let first = word(self.address)?;
         let Some(order) = self.form.pair else { return Some(self.number_in(first)) };
         let second = word(self.address.checked_add(1)?)?;
-        let (high, low) = match order {
-            WordOrder::HighFirst => (first, second),
-            WordOrder::LowFirst => (second, first),
-        };
-        let number = u32::from(high) << 16 | u32::from(low);
+        let number = order.number([first, second]);
         Some(if self.signed { number.cast_signed().into() } else { number.into() })
     }
 
@@ -136,6 +132,17 @@ impl Register {
     #[must_use]
     pub fn code_in(&self, word: u16) -> u16 {
         code_under(word, self.form.mask)
+    }
+
+    /// The code or the bits that its words hold: both words, one, or a field of it. `None` unless `word` knows all of
+    /// them.
+    #[must_use]
+    pub fn code(&self, word: impl Fn(Address) -> Option<u16>) -> Option<u32> {
+        let first = word(self.address)?;
+        match self.form.pair {
+            Some(order) => Some(order.number([first, word(self.address.checked_add(1)?)?])),
+            None => Some(self.code_in(first).into()),
+        }
     }
 
     /// Its value, from the words that `word` knows; `None` if one that it needs is not known, or another register
@@ -217,11 +224,7 @@ impl Register {
     pub fn pair_of(&self, frequency: Hertz) -> Option<[u16; 2]> {
         let order = self.form.pair.filter(|_| self.is_exact())?;
         let number = frequency.to_steps(self.scale).filter(|number| !self.signed || number.cast_signed() >= 0)?;
-        let (high, low) = ((number >> 16) as u16, (number & 0xFFFF) as u16);
-        Some(match order {
-            WordOrder::HighFirst => [high, low],
-            WordOrder::LowFirst => [low, high],
-        })
+        Some(order.words(number))
     }
 
     /// The lowest and the highest word that mean a frequency within `limits`; `None` if there is none, or the full scale is

@@ -10,7 +10,7 @@ use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEvent, TripEventKind};
 use vfd_gateway::gateway::Input;
-use vfd_gateway::profile::model::{Flag, Model, Role};
+use vfd_gateway::profile::model::{Flag, Model, Role, WordOrder};
 use vfd_gateway::sim::RefusedStops;
 
 const RUN: u16 = 0x0002;
@@ -268,6 +268,54 @@ fn a_second_bit_while_the_first_holds_is_another_trip_and_one_that_clears_is_non
         rig.pass(Duration::from_secs(3));
         assert_eq!(codes(&rig).len(), 3, "the bit is set again; flag: {has_flag}");
     }
+}
+
+/// A drive whose trips are the bits of two words.
+fn of_two_words(order: WordOrder, has_flag: bool) -> Arc<Model> {
+    let mut model = Model::clone(&showing(Role::TripBits, has_flag));
+    let register = model.registers.iter_mut().find(|it| it.role == Some(Role::TripBits)).unwrap();
+    register.address = 0x2540_u16.into();
+    register.form.pair = Some(order);
+    model.registers.sort_by_key(|it| it.address);
+    Arc::new(model)
+}
+
+#[test]
+fn trips_of_two_words_are_all_told_once_also_after_the_line_was_lost() {
+    for (order, has_flag) in [(WordOrder::HighFirst, true), (WordOrder::LowFirst, true), (WordOrder::HighFirst, false)]
+    {
+        let mut rig = rig_of(&of_two_words(order, has_flag), accepting());
+        rig.pass(Duration::from_secs(3));
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().trip(now, 20);
+        tripped(&mut rig, 4);
+        rig.pass(Duration::from_secs(5));
+        let words = |bits| order.words(bits).to_vec();
+        let first = [(Some(4), words(0x0008_0008))];
+        assert_eq!(codes(&rig), first, "{order:?} {has_flag}");
+        rig.reopen();
+        rig.pass(Duration::from_secs(10));
+        assert_eq!(codes(&rig), first, "{order:?} {has_flag}: it holds as before");
+        tripped(&mut rig, 32);
+        rig.pass(Duration::from_secs(5));
+        let [first] = first;
+        assert_eq!(codes(&rig), [first, (Some(4), words(0x8008_0008))], "{order:?} {has_flag}");
+        rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0x8000_0000);
+        rig.pass(Duration::from_secs(5));
+        assert_eq!((codes(&rig).len(), rig.view(0).trip.active), (2, Some(true)), "{order:?} {has_flag}");
+    }
+}
+
+#[test]
+fn a_trip_in_the_high_word_alone_is_a_trip_and_ends_as_one() {
+    let mut rig = rig_of(&of_two_words(WordOrder::HighFirst, false), accepting());
+    rig.pass(Duration::from_secs(3));
+    tripped(&mut rig, 17);
+    rig.pass(Duration::from_secs(5));
+    assert_eq!(codes(&rig), [(Some(17), vec![1, 0])]);
+    rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0);
+    rig.pass(Duration::from_secs(5));
+    assert_eq!((rig.trips.len(), rig.view(0).trip.active), (2, Some(false)));
 }
 
 #[test]

@@ -35,7 +35,7 @@ fn warning_in(role: Role) -> Arc<Model> {
 }
 
 fn warn(rig: &mut Rig, word: u16) {
-    rig.bus.drive_mut(Station(1)).unwrap().set_warning(word);
+    rig.bus.drive_mut(Station(1)).unwrap().set_warning(word.into());
     // Within the lease of the order: its end would stop the motor.
     rig.pass(Duration::from_millis(2500));
 }

@@ -8,5 +8,5 @@ pub struct TripBaseline {
     /// Whether a reported trip was active, if known.
     pub held: Option<bool>,
     /// The vendor's number of the last active trip, or the bits of those active; `None` if it was not read.
-    pub code: Option<u16>,
+    pub code: Option<u32>,
 }

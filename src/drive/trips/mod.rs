@@ -48,11 +48,11 @@ pub struct TripWatch {
     /// Whether a trip was active when that was last known and reported, even before the drive went offline.
     held: Option<bool>,
     /// The vendor's number, or the bits, of the last trip reported or shown.
-    code: Option<u16>,
+    code: Option<u32>,
     /// The same of the record that is shown.
-    shown: Option<u16>,
+    shown: Option<u32>,
     /// Bits of `shown` that the last reading showed cleared.
-    fading: u16,
+    fading: u32,
     /// Whether the baseline outlives the process: then anything not in it was never reported.
     is_remembered: bool,
     /// Whether the trip source has been read since the start, or since the drive was offline.
@@ -73,7 +73,7 @@ struct Reading {
     parts: usize,
     words: Vec<(Address, u16)>,
     /// The vendor's number, or the bits, as seen beside the record.
-    code: Option<u16>,
+    code: Option<u32>,
     tries: u8,
     /// The trip is to be reported once the record has been read.
     is_news: bool,
@@ -86,7 +86,7 @@ struct Reading {
     /// Whether a trip was active before, if known.
     was_active: Option<bool>,
     /// The number of the previous active trip, if this reading began because another number was seen.
-    instead_of: Option<u16>,
+    instead_of: Option<u32>,
 }
 
 impl TripWatch {
@@ -138,7 +138,7 @@ impl TripWatch {
         let Some(places) = &self.places else { return Vec::new() };
         let word = |register: Address| register.word_in(address, words);
         let seen = places.source.seen(word);
-        let cause = places.cause.and_then(|cause| Some(cause.code_in(word(cause.address)?)));
+        let cause = places.cause.and_then(|cause| cause.code(word));
         let mut told = Vec::from_iter(self.take_part(address, words));
         match seen {
             Some(TripReading::Held(true)) => told.extend(self.take_held(now)),
@@ -249,7 +249,7 @@ impl TripWatch {
     }
 
     /// The number or the bits of a trip were seen. While one is active, another number or bit is another trip.
-    fn take_code(&mut self, code: u16, now: MonoTime) {
+    fn take_code(&mut self, code: u32, now: MonoTime) {
         if self.is_counted() || self.view.active != Some(true) {
             return;
         }
@@ -344,10 +344,8 @@ impl TripWatch {
         let reading = self.reading.take()?;
         // A record that may belong to another trip is discarded.
         let words = if is_sure || reading.count.is_none() { reading.words } else { Vec::new() };
-        let cause = places.cause.and_then(|cause| {
-            let found = words.iter().find(|(address, _)| *address == cause.address);
-            found.map(|(_, word)| cause.code_in(*word))
-        });
+        let word = |register| words.iter().find(|(address, _)| *address == register).map(|(_, word)| *word);
+        let cause = places.cause.and_then(|cause| cause.code(word));
         if cause.zip(reading.instead_of).is_some_and(|(cause, before)| !places.is_another(cause, before)) {
             // The record shows the trip that was active: the other number, or bit, was misread.
             return None;

@@ -1,7 +1,7 @@
 //! Where a model shows its trips: what indicates a trip, and the registers of its record.
 
 use crate::domain::address::Address;
-use crate::profile::model::{Flag, Model, Register, Role, StatusFlag};
+use crate::profile::model::{Flag, Model, Register, Role, StatusFlag, WordOrder};
 use crate::profile::value::{code_under, codes_of_bits};
 
 /// What indicates a trip, the most reliable first.
@@ -15,21 +15,26 @@ pub(super) enum Source {
     Count(Address),
 }
 
-/// Where a number is: a word, or some of its bits.
+/// Where a number is: a word, some of its bits, or two words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Field {
     pub address: Address,
     mask: u16,
+    pair: Option<WordOrder>,
 }
 
 impl Field {
     const fn of(register: &Register) -> Self {
-        Self { address: register.address, mask: register.form.mask }
+        Self { address: register.address, mask: register.form.mask, pair: register.form.pair }
     }
 
-    /// The number in `word`.
-    pub fn code_in(self, word: u16) -> u16 {
-        code_under(word, self.mask)
+    /// The number, or the bits, of which `word` knows the words.
+    pub fn code(self, word: impl Fn(Address) -> Option<u16>) -> Option<u32> {
+        let first = word(self.address)?;
+        match self.pair {
+            Some(order) => Some(order.number([first, word(self.address.checked_add(1)?)?])),
+            None => Some(code_under(first, self.mask).into()),
+        }
     }
 }
 
@@ -47,7 +52,7 @@ impl Source {
     pub fn seen(&self, word: impl Fn(Address) -> Option<u16>) -> Option<TripReading> {
         match self {
             Self::Flag(flag) => word(flag.address).map(|word| TripReading::Held(flag.holds(word))),
-            Self::Code(field) => word(field.address).map(|word| TripReading::Held(field.code_in(word) != 0)),
+            Self::Code(field) => field.code(word).map(|code| TripReading::Held(code != 0)),
             Self::Count(register) => word(*register).map(TripReading::Counted),
         }
     }
@@ -79,12 +84,12 @@ impl Places {
     }
 
     /// The number of the trip that `cause` shows: of bits, the number of the lowest + 1. `None` if it shows none.
-    pub fn code(&self, cause: u16) -> Option<u16> {
-        if self.is_bits { codes_of_bits(cause).next() } else { Some(cause).filter(|code| *code != 0) }
+    pub fn code(&self, cause: u32) -> Option<u16> {
+        if self.is_bits { codes_of_bits(cause).next() } else { u16::try_from(cause).ok().filter(|code| *code != 0) }
     }
 
     /// Whether `cause` shows a trip that `known` does not.
-    pub const fn is_another(&self, cause: u16, known: u16) -> bool {
+    pub const fn is_another(&self, cause: u32, known: u32) -> bool {
         if self.is_bits { cause & !known != 0 } else { cause != known }
     }
 }
@@ -101,11 +106,12 @@ fn record(model: &Model) -> Vec<(Address, u16)> {
             // Another field of the same word.
             Some((first, count)) if register.address.offset_from(*first).is_some_and(|offset| offset < *count) => {}
             Some((first, count))
-                if first.checked_add(*count) == Some(register.address) && *count < model.words_in_one_read(*first) =>
+                if first.checked_add(*count) == Some(register.address)
+                    && *count + register.form.words() <= model.words_in_one_read(*first) =>
             {
-                *count += 1;
+                *count += register.form.words();
             }
-            _ => reads.push((register.address, 1)),
+            _ => reads.push((register.address, register.form.words())),
         }
     }
     reads

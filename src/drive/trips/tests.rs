@@ -334,12 +334,12 @@ fn another_number_that_the_record_does_not_bear_out_was_read_wrongly() {
     assert_eq!(watch.one(0x0113, &[0x5507], at(3)), None);
     assert!(watch.wants().is_some(), "the record is read");
     assert_eq!(watch.one(0x0113, &RECORD, at(4)), None);
-    assert_eq!((watch.wants(), watch.baseline().code), (None, Some(RECORD[0])));
+    assert_eq!((watch.wants(), watch.baseline().code), (None, Some(RECORD[0].into())));
     assert_eq!(watch.one(0x0113, &[9], at(5)), None);
     assert_eq!(trips(watch.one(0x0113, &[9, 0, 0, 530], at(6))), (1, Some(9)));
 }
 
-fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: Option<u16>) -> TripWatch {
+fn remembering(watch: TripWatch, count: Option<u16>, held: Option<bool>, code: Option<u32>) -> TripWatch {
     watch.remembering(TripBaseline { count, held, code })
 }
 

@@ -150,7 +150,7 @@ impl Drive<'_> {
             "label": register.title,
             "unit": rated.map_or_else(|| trip::unit(register), |rated| Some(rated.unit.symbol())),
             "value": reading.map(number),
-            "text": reading.and_then(|it| self.meaning(register, it.raw)),
+            "text": reading.and_then(|it| self.meaning(register, it)),
             "quality": quality(self.description, register, self.view, now).word(),
             "age_ms": reading.map(|it| whole_millis(now, it.at)),
             "poll": register.poll.map(|class| word_for(&POLL_CLASSES, &class)),
@@ -158,12 +158,13 @@ impl Drive<'_> {
         })
     }
 
-    fn meaning(&self, register: &Register, word: u16) -> Option<String> {
+    fn meaning(&self, register: &Register, reading: ValueReading) -> Option<String> {
         match register.role {
             Some(role @ (Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory)) => {
-                trip::meaning(self.description, role, register.code_in(word))
+                let code = register.code(|address| self.view.snapshot.reading(address).map(|it| it.raw))?;
+                trip::meaning(self.description, role, code)
             }
-            _ => register.meaning(word).map(str::to_owned),
+            _ => register.meaning(reading.raw).map(str::to_owned),
         }
     }
 

@@ -6,6 +6,7 @@ use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
 use crate::profile::model::{BitMeaning, Model, Register, Role};
 use crate::profile::scale::digits_of;
+use crate::profile::value::codes_of_bits;
 use crate::profile::words::{BIT_MEANINGS, FLAGS, ZERO_WORDS};
 use crate::toml_file::words::word_for;
 
@@ -84,8 +85,8 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
         return with_meaning(scaled.to_string(), meaning.to_owned());
     }
     if register.role == Some(Role::TripBits) {
-        let set = (0..16_u16).filter(|bit| word >> bit & 1 == 1);
-        let known: Vec<_> = set.filter_map(|bit| model.trip_text(bit + 1)).map(|trip| trip.text.clone()).collect();
+        let set = codes_of_bits(register.code_in(word).into());
+        let known: Vec<_> = set.filter_map(|code| model.trip_text(code)).map(|trip| trip.text.clone()).collect();
         return with_meaning(format!("0x{word:04X}"), known.join("; "));
     }
     if matches!(register.role, Some(Role::TripCode | Role::TripCause | Role::TripHistory)) {

@@ -22,6 +22,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     codes_differ(codes, |code| format!("trip {code}"), problems);
     codes_differ(bits, |code| format!("trip bit {}", code.saturating_sub(1)), problems);
     trips_have_a_register(file, problems);
+    bits_are_there(&file.trips, Role::TripBits, &file.registers, problems);
     bits_stand_alone(&file.registers, problems);
     super::warnings::check(file, problems);
 }
@@ -54,6 +55,23 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
     for Spanned { value, location } in values.value.iter().filter(|value| value.value & !mask != 0) {
         let problem = location.problem(format!("0x{value:04X} has bits outside the mask 0x{mask:04X}"));
         problems.push(problem.right(format!("0x{:04X}, or a wider mask", value & mask)));
+    }
+}
+
+/// Each bit lies within the words of the register that holds them.
+pub(super) fn bits_are_there(of: &[CodeFile], role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let Some((register, _)) = with_role(&[role], registers) else { return };
+    let bits = match register.form.mask.valid() {
+        Some(mask) => mask.value.count_ones(),
+        None if register.form.is_pair() => 32,
+        None => 16,
+    };
+    for code in of.iter().filter(|code| code.is_bit).filter_map(|code| code.code.as_ref()) {
+        if u32::from(code.value) > bits {
+            let what = format!("`{}` has bits 0 to {}", register.name().unwrap_or_default(), bits.saturating_sub(1));
+            let right = if bits == 16 { "one of them, or `words = 2` in the register" } else { "one of them" };
+            problems.push(code.location.problem(what).right(right));
+        }
     }
 }
 
@@ -187,9 +205,21 @@ mod tests {
             .replace("code = 24\n", "bit = 3\n")
             .replace("code = 1\n", "bit = 0\n");
         crate::profile::check::model(&bits).unwrap();
+        let pair = "role = \"trip-bits\"\nwords = 2\nword_order = \"high-first\"\n";
+        let of_two = bits
+            .replace("address = 0x2101\n", "address = 0x2150\n")
+            .replace("role = \"trip-bits\"\n", pair)
+            .replace("bit = 0\ntext", "bit = 31\ntext");
+        crate::profile::check::model(&of_two).unwrap();
         for (from, to, expected) in [
             ("bit = 0\ntext", "bit = 3\ntext", "trip[1].bit: trip bit 3 is taken by trip[0].bit"),
-            ("bit = 0\ntext", "bit = 16\ntext", "trip[1].bit: 16 is out of range"),
+            ("bit = 0\ntext", "bit = 32\ntext", "trip[1].bit: 32 is out of range"),
+            ("bit = 0\ntext", "bit = 16\ntext", "trip[1].bit: `trip_code` has bits 0 to 15"),
+            (
+                "role = \"trip-bits\"\n",
+                "role = \"trip-bits\"\nmask = 0x0007\n",
+                "trip[0].bit: `trip_code` has bits 0 to 2",
+            ),
             ("bit = 0\ntext", "bit = 0\ncode = 7\ntext", "trip[1].code: has a bit already"),
             ("bit = 0\ntext", "code = 7\ntext", "trip[1]: no register holds the number of a trip"),
             ("role = \"trip-bits\"\n", "", "trip[0]: no register holds the bits of trips"),

@@ -28,6 +28,8 @@ const WORDS: [Role; 13] = [
 /// Those of them that may be a field of a word.
 const FIELDS: [Role; 6] =
     [Role::TripCode, Role::TripBits, Role::TripCause, Role::TripHistory, Role::WarningCode, Role::WarningBits];
+/// Those of them that may be two words: bits alone.
+const PAIRS: [Role; 2] = [Role::TripBits, Role::WarningBits];
 /// Widest exponent in bits: larger powers of ten than 10^7 are nowhere.
 const EXPONENT_BITS: u32 = 3;
 
@@ -244,7 +246,9 @@ fn is_one_value(register: &RegisterFile, problems: &mut Vec<Problem>) {
     let Some(role) = register.role.valid().filter(|role| WORDS.contains(&role.value)) else { return };
     let has_field = form.mask.valid().is_some() && !FIELDS.contains(&role.value);
     let has_ratio = register.scale.valid().is_some_and(|scale| scale.value.per != 1);
-    let is_more = form.is_pair() || form.exponent_mask.valid().is_some() || !form.plus.is_empty();
+    let is_more = (form.is_pair() && !PAIRS.contains(&role.value))
+        || form.exponent_mask.valid().is_some()
+        || !form.plus.is_empty();
     if has_field || has_ratio || is_more || full_scale.is_some() || scale_by.is_some() {
         tell(&role.location, "a register with this role is one word with a plain scale", "a plain register", problems);
     }
@@ -342,7 +346,8 @@ mod tests {
             let model = MODEL.replace("output-frequency", role);
             let written = |keys: &str| told_with(&model, "scale = 100\n", &format!("{keys}\n"));
             assert!(written("scale = { steps = 3, per = 2 }").contains(refusal), "{role}");
-            assert!(written("words = 2\nword_order = \"high-first\"").contains(refusal), "{role}");
+            let of_two = written("words = 2\nword_order = \"high-first\"");
+            assert_eq!(of_two.contains(refusal), role.ends_with("code"), "{role}: {of_two}");
             crate::profile::check::model(&model.replace("scale = 100\n", "mask = 0x00FF\n")).unwrap();
         }
     }

@@ -1,7 +1,7 @@
 //! The rules for warnings: one polled register shows them, as a number or as bits, and each has one text.
 
 use super::keys::{is_polled, with_role};
-use super::status::codes_differ;
+use super::status::{bits_are_there, codes_differ};
 use crate::domain::problem::Problem;
 use crate::profile::file::ModelFile;
 use crate::profile::model::Role;
@@ -11,6 +11,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let (bits, codes): (Vec<_>, Vec<_>) = file.warnings.iter().partition(|warning| warning.is_bit);
     codes_differ(codes, |code| format!("warning {code}"), problems);
     codes_differ(bits, |code| format!("warning bit {}", code.saturating_sub(1)), problems);
+    bits_are_there(&file.warnings, Role::WarningBits, &file.registers, problems);
     let code = with_role(&[Role::WarningCode], &file.registers);
     let bits = with_role(&[Role::WarningBits], &file.registers);
     for (register, role) in code.into_iter().chain(bits) {
@@ -54,7 +55,8 @@ mod tests {
             (EVERYTHING, "role = \"warning-code\"\npoll = \"slow\"", "role = \"warning-code\"", "must be polled"),
             (EVERYTHING, second_role.0, second_role.1, "says which warning is active"),
             (&bits, "bit = 8\n", "bit = 4\n", "warning[1].bit: warning bit 4 is taken by warning[0].bit"),
-            (&bits, "bit = 8\n", "bit = 16\n", "warning[1].bit: 16 is out of range"),
+            (&bits, "bit = 8\n", "bit = 32\n", "warning[1].bit: 32 is out of range"),
+            (&bits, "bit = 8\n", "bit = 16\n", "has bits 0 to 15"),
             (&bits, "bit = 8\n", "bit = 8\ncode = 7\n", "warning[1].code: has a bit already"),
         ] {
             let found = told_with(text, from, to);

@@ -47,8 +47,8 @@ impl StatusFile {
     }
 }
 
-/// The highest bit of a word.
-const LAST_BIT: u16 = 15;
+/// The highest bit of two words.
+const LAST_BIT: u16 = 31;
 
 /// One of `[[trip]]`, `[[warning]]` or `[[exception]]`
 pub(in crate::profile) struct CodeFile {

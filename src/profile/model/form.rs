@@ -13,6 +13,26 @@ pub enum WordOrder {
 }
 
 impl WordOrder {
+    /// The number in two words, in the order of their addresses.
+    #[must_use]
+    pub fn number(self, [first, second]: [u16; 2]) -> u32 {
+        let (high, low) = match self {
+            Self::HighFirst => (first, second),
+            Self::LowFirst => (second, first),
+        };
+        u32::from(high) << 16 | u32::from(low)
+    }
+
+    /// The two words that hold `number`, in the order of their addresses.
+    #[must_use]
+    pub const fn words(self, number: u32) -> [u16; 2] {
+        let (high, low) = ((number >> 16) as u16, (number & 0xFFFF) as u16);
+        match self {
+            Self::HighFirst => [high, low],
+            Self::LowFirst => [low, high],
+        }
+    }
+
     /// The word used in model files.
     #[must_use]
     pub const fn word(self) -> &'static str {

@@ -233,7 +233,7 @@ pub(super) const STATES: &[Section] = &[
                role `trip-bits`. Rows are told apart by `code` or `bit`.",
         keys: &[
             ("code", "required without `bit`", "The number of the trip."),
-            ("bit", "", "The bit of the trip, 0 for the lowest."),
+            ("bit", "", "The bit of the trip, 0 for the lowest; up to 31 where the register has two words."),
             ("text", "", "Its meaning."),
         ],
     },

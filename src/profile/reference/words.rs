@@ -204,7 +204,7 @@ pub(super) const WORDS: &[Words] = &[
             ("frequency-source", "Where the drive takes its setpoint from. Never written natively."),
             ("run-source", "Where the drive takes its run commands from. Never written natively."),
             ("trip-code", "The number of the trip that is active now, 0 for none."),
-            ("trip-bits", "The trips that are active now, one bit each."),
+            ("trip-bits", "The trips that are active now, one bit each. May have two words."),
             ("trip-count", "How many trips there were. One more is a new trip."),
             (
                 "trip-cause",
@@ -225,7 +225,7 @@ pub(super) const WORDS: &[Words] = &[
                 "The number of an older trip. Several registers may have it; the newest trip is at the lowest address.",
             ),
             ("warning-code", "The number of the warning that is active now, 0 for none."),
-            ("warning-bits", "The warnings that are active now, one bit each."),
+            ("warning-bits", "The warnings that are active now, one bit each. May have two words."),
         ],
     },
     Words {

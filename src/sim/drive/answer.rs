@@ -6,7 +6,7 @@ use super::denied::{Denied, Objection};
 use super::memory::{MemoryAddress, following, index_of, place_of};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role, WordOrder};
+use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role};
 use crate::sim::options::BadRequest;
 use crate::wire::pdu::{self, Request, function};
 
@@ -216,14 +216,10 @@ impl SimDrive {
 
     /// Takes a setpoint of two words, never half of it.
     fn write_pair(&mut self, at: MonoTime, index: usize, values: &[u16]) -> Result<(), Denied> {
-        let [first, second] = *values else { return Err(Denied::Request(Objection::Quantity)) };
+        let words = <[u16; 2]>::try_from(values).map_err(|_| Denied::Request(Objection::Quantity))?;
         let register = &self.model.registers[index];
-        let (high, low) = match register.form.pair {
-            Some(WordOrder::LowFirst) => (second, first),
-            Some(WordOrder::HighFirst) | None => (first, second),
-        };
-        let number = i128::from(high) << 16 | i128::from(low);
-        let micro = self.micro_of_number(register, number);
+        let number = register.form.pair.map_or(0, |order| order.number(words));
+        let micro = self.micro_of_number(register, number.into());
         self.take_setpoint(at, micro).map_err(Denied::Refused)
     }
 

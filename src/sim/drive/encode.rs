@@ -3,7 +3,7 @@
 use super::SimDrive;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Addend, Basis, FullScale, Register, Whole, WordOrder};
+use crate::profile::model::{Addend, Basis, FullScale, Register, Whole};
 
 /// Millionths in a unit of measure.
 const MICRO: i128 = 1_000_000;
@@ -34,14 +34,7 @@ impl SimDrive {
         let number = self.parts(at, index).0;
         let number = if register.signed { number } else { number.abs() };
         match register.form.pair {
-            Some(order) => {
-                let all = (number & 0xFFFF_FFFF) as u32;
-                let (high, low) = ((all >> 16) as u16, (all & 0xFFFF) as u16);
-                match order {
-                    WordOrder::HighFirst => [high, low],
-                    WordOrder::LowFirst => [low, high],
-                }
-            }
+            Some(order) => order.words((number & 0xFFFF_FFFF) as u32),
             None => [mantissa_and_exponent(register, number), 0],
         }
     }
@@ -50,6 +43,10 @@ impl SimDrive {
     fn parts(&self, at: MonoTime, index: usize) -> (i128, Vec<u16>) {
         let register = &self.model.registers[index];
         let Some(micro) = self.measured(at, register) else {
+            let bits = register.role.filter(|_| register.form.pair.is_some()).and_then(|role| self.bits(role));
+            if let Some(bits) = bits {
+                return (bits.into(), Vec::new());
+            }
             return (self.held(at, index).into(), vec![0; register.form.plus.len()]);
         };
         let mut left = i128::from(micro);

@@ -64,10 +64,10 @@ pub struct SimDrive {
     trips: TripLog,
     tripped: bool,
     alarm: bool,
-    /// The word of the register that shows warnings.
-    warning: u16,
+    /// What the register of warnings shows.
+    warning: u32,
     /// The active trips, where each has a bit.
-    trip_bits: u16,
+    trip_bits: u32,
     powered: bool,
     /// The next requests are answered with this exception and not executed.
     objects: Option<(ExceptionKind, u32)>,
@@ -169,7 +169,7 @@ impl SimDrive {
             return;
         }
         let others = if self.tripped { self.trip_bits } else { 0 };
-        self.trip_bits = others | cause.checked_sub(1).and_then(|bit| 1_u16.checked_shl(bit.into())).unwrap_or(0);
+        self.trip_bits = others | cause.checked_sub(1).and_then(|bit| 1_u32.checked_shl(bit.into())).unwrap_or(0);
         let record = self.record(at, cause);
         self.trips.push(record);
         self.tripped = true;
@@ -177,12 +177,12 @@ impl SimDrive {
     }
 
     /// Leaves only those of the active trips whose bits are set in `bits`. It resets nothing.
-    pub const fn keep_trip_bits(&mut self, bits: u16) {
+    pub const fn keep_trip_bits(&mut self, bits: u32) {
         self.trip_bits &= bits;
     }
 
     /// Shows the warning with this number, or the warnings with these bits; 0 for none. The motor goes on.
-    pub const fn set_warning(&mut self, warning: u16) {
+    pub const fn set_warning(&mut self, warning: u32) {
         self.warning = warning;
     }
 

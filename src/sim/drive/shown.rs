@@ -36,14 +36,9 @@ impl SimDrive {
                     0
                 }
             }
-            Some(Role::TripBits) => {
-                if self.tripped {
-                    self.trip_bits
-                } else {
-                    0
-                }
+            Some(role @ (Role::TripBits | Role::WarningCode | Role::WarningBits)) => {
+                (self.bits(role).unwrap_or(0) & 0xFFFF) as u16
             }
-            Some(Role::WarningCode | Role::WarningBits) => self.warning,
             Some(Role::TripCount) => self.trips.count(),
             Some(Role::TripCause) => self.trips.newest().cause,
             Some(Role::TripHistory) => self.trips.record(self.place_in_history(register)).map_or(0, |it| it.cause),
@@ -56,6 +51,15 @@ impl SimDrive {
                 None => self.memory.word(index),
             },
             None => self.block_word(register.address).unwrap_or_else(|| self.memory.word(index)),
+        }
+    }
+
+    /// What a register with `role` shows that holds the bits of trips, or warnings, in one word or two.
+    pub(super) fn bits(&self, role: Role) -> Option<u32> {
+        match role {
+            Role::TripBits => Some(if self.tripped { self.trip_bits } else { 0 }),
+            Role::WarningCode | Role::WarningBits => Some(self.warning),
+            _ => None,
         }
     }
 

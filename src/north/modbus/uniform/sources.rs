@@ -70,8 +70,8 @@ impl Sources {
     pub(super) fn warns(&self, view: &DriveView, now: MonoTime) -> bool {
         self.warning.as_ref().is_some_and(|(register, freshness)| {
             let is_fresh = freshness.ends_at(register, &view.snapshot).is_some_and(|ends_at| now < ends_at);
-            let word = view.snapshot.reading(register.address).filter(|_| is_fresh);
-            word.is_some_and(|reading| register.code_in(reading.raw) != 0)
+            let shown = register.code(|address| view.snapshot.reading(address).map(|reading| reading.raw));
+            is_fresh && shown.is_some_and(|shown| shown != 0)
         })
     }
 
