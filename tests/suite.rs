@@ -127,6 +127,8 @@ mod shaped_bursts;
 mod sharing;
 #[path = "scenarios/sheets.rs"]
 mod sheets;
+#[path = "scenarios/signed_setpoints.rs"]
+mod signed_setpoints;
 #[path = "scenarios/starts.rs"]
 mod starts;
 #[path = "scenarios/stop_all.rs"]

@@ -4,7 +4,7 @@
 use crate::domain::command::Order;
 use crate::drive::decode;
 use crate::profile::catalog::Catalog;
-use crate::profile::model::Model;
+use crate::profile::model::{Model, OrderKind};
 
 /// The models of `catalog` whose motor is started by `word` at `address`.
 pub fn models_that_run(catalog: &Catalog, address: u16, word: u16) -> Vec<&str> {
@@ -12,7 +12,10 @@ pub fn models_that_run(catalog: &Catalog, address: u16, word: u16) -> Vec<&str> 
     catalog.ids().filter(runs).collect()
 }
 
-/// As the gateway decodes the word too.
+/// As the gateway decodes the word too; a run word that says no direction runs the motor all the same.
 fn runs(model: &Model, address: u16, word: u16) -> bool {
-    matches!(decode::order(model, address.into(), &[word]), Ok(Order::Go(go)) if go.run().is_some())
+    let address = address.into();
+    let is_decoded = || matches!(decode::order(model, address, &[word]), Ok(Order::Go(go)) if go.run().is_some());
+    let runs = |kind| matches!(kind, OrderKind::Forward | OrderKind::Reverse);
+    model.orders_at(address).any(|(kind, fact)| runs(kind) && fact.value == word) || is_decoded()
 }

@@ -48,6 +48,7 @@ pub(super) fn settle(
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
         wired(file, problems);
+        sign_is_written(file, model, problems);
         basics(accepted, file, location, model, problems);
         actions(accepted, file, directions.as_deref(), model, problems);
         accepted.check(location, model, problems);
@@ -141,6 +142,19 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
     if let Some(strict) = file.directions.valid() {
         let problem = strict.location.problem("the direction is ordered elsewhere: `bus` takes the frequency alone");
         problems.push(problem.right("leave it out").warning());
+    }
+}
+
+/// A drive that turns by the sign of its setpoint runs in reverse only if the setpoint comes over the bus.
+fn sign_is_written(file: &ControlFile, model: &Model, problems: &mut Vec<Problem>) {
+    let (Some(bus), Some(list)) = (file.bus.valid(), file.directions.valid()) else { return };
+    let reverse = list.value.iter().find(|direction| direction.value == Direction::Reverse);
+    if let Some(reverse) = reverse.filter(|_| model.turns_by_sign() && !bus.value.has_frequency()) {
+        let what = format!(
+            "reverse is a setpoint below 0, and the setpoint does not come over the bus (bus = \"{}\")",
+            bus.value.word()
+        );
+        problems.push(reverse.location.problem(what).right("\"forward\" alone, or bus = \"both\""));
     }
 }
 

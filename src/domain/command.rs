@@ -79,6 +79,7 @@ pub struct Go {
     registers: Vec<RegisterWrite>,
     frequency: Option<Hertz>,
     run: Option<Direction>,
+    toward: Option<Direction>,
 }
 
 impl Go {
@@ -90,7 +91,19 @@ impl Go {
     #[must_use]
     pub fn new(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Option<Self> {
         let parts = registers.len() + usize::from(frequency.is_some()) + usize::from(run.is_some());
-        (1..=FRAMES_MAX).contains(&parts).then_some(Self { registers, frequency, run })
+        (1..=FRAMES_MAX).contains(&parts).then_some(Self { registers, frequency, run, toward: None })
+    }
+
+    /// The same with a setpoint for this direction, for a drive that turns by the sign of its setpoint.
+    #[must_use]
+    pub fn with_sign(self, toward: Option<Direction>) -> Self {
+        Self { toward, ..self }
+    }
+
+    /// The direction for which the setpoint is meant, if its sign orders one.
+    #[must_use]
+    pub const fn toward(&self) -> Option<Direction> {
+        self.toward
     }
 
     /// Registers without a role of their own, in the order in which they are written.

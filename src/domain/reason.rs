@@ -159,6 +159,8 @@ reasons! {
     DriveInTrip = 61, "drive_in_trip", "the drive answered that it does not do this during a trip";
     /// The drive did not show in time that it has followed a word of the start.
     NotReady = 62, "not_ready", "the drive did not get ready to start: the start was taken back";
+    /// The sign of the setpoint would order a direction, and the one in force is another or not known.
+    SignUnknown = 63, "sign_unknown", "the sign of a setpoint alone could turn the motor round: order run with it";
 }
 
 impl Reason {

@@ -10,7 +10,7 @@ use crate::profile::model::{Model, OrderKind, OrderedWord, Register, Role};
 enum DecodedPart {
     Run(RunPart),
     Direction(Direction),
-    Frequency(Result<Hertz, Reason>),
+    Frequency(Result<(Hertz, Option<Direction>), Reason>),
     Register(RegisterWrite),
 }
 
@@ -52,7 +52,7 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
         if let Some(register) = model.writable_at(address).filter(|register| register.form.pair.is_some()) {
             // Half a pair is no number.
             let (_, second) = words.next().ok_or(Reason::NotUnderstood)?;
-            frequency = Some(Ok(frequency_of_pair(register, [*value, *second])?));
+            frequency = Some(Ok((frequency_of_pair(register, [*value, *second])?, None)));
             continue;
         }
         match part(model, bases, address, *value)? {
@@ -67,6 +67,11 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
         Err(_) if run == Some(RunPart::Stop) => None,
         known => known?,
     };
+    let (frequency, sign) = frequency.unzip();
+    let sign = sign.flatten();
+    if frequency.is_some() && matches!(run, Some(RunPart::Go(_))) && model.turns_by_sign() {
+        direction = Some(sign.unwrap_or(Direction::Forward));
+    }
     // The direction is part of an order to run, and where a model has it, an order to run is none without it.
     let is_half = match run {
         Some(RunPart::Go(_)) => direction.is_none() && has_direction(model),
@@ -84,7 +89,10 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
         Some(RunPart::Stop | RunPart::Coast | RunPart::Reset | RunPart::Release) => Err(Reason::Conflict),
         Some(RunPart::Go(by_word)) => go(registers, frequency, Some(direction.unwrap_or(by_word))),
         Some(RunPart::EndReset) if alone && frequency.is_none() => Ok(Order::EndReset),
-        Some(RunPart::EndReset) | None => go(registers, frequency, None),
+        Some(RunPart::EndReset) | None => Ok(match go(registers, frequency, None)? {
+            Order::Go(go) => Order::Go(go.with_sign(sign)),
+            other => other,
+        }),
     }
 }
 
@@ -112,11 +120,30 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
         _ if register.form.pair.is_some() => Err(Reason::NotUnderstood),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand | Role::Order) => order_part(model, register.address, value).ok_or(Reason::NotUnderstood),
-        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(frequency(register, bases, value))),
+        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(model, register, bases, value))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes(value) => Err(Reason::OutsideRange),
         _ => Ok(DecodedPart::Register(RegisterWrite { address, value })),
     }
+}
+
+/// The frequency that `value` orders, and the direction, if the drive turns by its sign.
+fn signed_frequency(
+    model: &Model,
+    register: &Register,
+    bases: &Bases,
+    value: u16,
+) -> Result<(Hertz, Option<Direction>), Reason> {
+    if !model.turns_by_sign() {
+        return Ok((frequency(register, bases, value)?, None));
+    }
+    let number = value.cast_signed();
+    let direction = match number {
+        0 => None,
+        1.. => Some(Direction::Forward),
+        _ => Some(Direction::Reverse),
+    };
+    Ok((frequency(register, bases, number.unsigned_abs())?, direction))
 }
 
 /// The frequency that `value` orders. It must lead back to the same word, so that what is sent is what was written.
@@ -203,7 +230,7 @@ fn together(first: Option<RunPart>, second: RunPart) -> Result<RunPart, Reason> 
 }
 
 fn has_direction(model: &Model) -> bool {
-    model.run.as_ref().is_some_and(|run| run.places.direction.is_some())
+    model.run.as_ref().is_some_and(|run| run.places.direction.is_some() || run.places.by_sign)
 }
 
 #[cfg(test)]
@@ -245,6 +272,34 @@ mod tests {
         assert_eq!(order(&model, 0x0002_u16.into(), &[1, 0]), Err(Reason::NotListed), "0x0003 is not known");
         assert_eq!(order(&model, 0x1234_u16.into(), &[1]), Err(Reason::NotListed));
     }
+    #[test]
+    fn the_sign_of_a_setpoint_is_the_direction_where_a_drive_turns_by_it() {
+        let mut model = model();
+        model.run.as_mut().unwrap().places.by_sign = true;
+        for register in model.registers.iter_mut().filter(|it| it.role == Some(Role::FrequencyCommand)) {
+            register.address = 0x0003_u16.into();
+            register.signed = true;
+            register.form.sign_is_direction = true;
+        }
+        model.registers.sort_by_key(|it| it.address);
+        let go = |run, toward| {
+            let go = Go::new(Vec::new(), Some(Hertz::from_centihertz(3000)), run).unwrap();
+            Ok(Order::Go(go.with_sign(toward)))
+        };
+        let (forward, reverse) = (Direction::Forward, Direction::Reverse);
+        let below = (-3000_i16).cast_unsigned();
+        let at = |address: u16, words: &[u16]| order(&model, address.into(), words);
+        assert_eq!(at(2, &[1, 3000]), go(Some(forward), None));
+        assert_eq!(at(2, &[1, below]), go(Some(reverse), None));
+        assert_eq!(at(3, &[3000]), go(None, Some(forward)));
+        assert_eq!(at(3, &[below]), go(None, Some(reverse)));
+        assert_eq!(at(2, &[1]), Err(Reason::NotUnderstood), "it says no direction");
+        assert_eq!(at(3, &[0x8000]), Err(Reason::NotUnderstood), "it has no magnitude in the register");
+        assert_eq!(at(2, &[0, below]), Ok(Order::Stop { setpoint: Some(Hertz::from_centihertz(3000)) }));
+        let zero = Go::new(Vec::new(), Some(Hertz::ZERO), None).unwrap();
+        assert_eq!(at(3, &[0]), Ok(Order::Go(zero)));
+    }
+
     #[test]
     fn a_stored_twin_counts_as_its_register() {
         let mut model = model();

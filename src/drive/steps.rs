@@ -153,6 +153,8 @@ pub enum StepPart {
     Register,
     /// It gives the setpoint.
     Setpoint(Hertz),
+    /// It gives the setpoint, whose sign orders the direction: a motor that turns follows it at once.
+    SignedSetpoint(Hertz, Direction),
     /// It starts the motor.
     Run(Direction),
     /// It prepares the drive for the run word.
@@ -174,6 +176,17 @@ pub enum StepPart {
     TakesBack,
     /// It takes back a start that the drive did not follow.
     TakesStartBack,
+}
+
+impl StepPart {
+    /// The setpoint that it gives.
+    #[must_use]
+    pub const fn setpoint(self) -> Option<Hertz> {
+        match self {
+            Self::Setpoint(frequency) | Self::SignedSetpoint(frequency, _) => Some(frequency),
+            _ => None,
+        }
+    }
 }
 
 /// Why an order has no steps on a model.
@@ -203,22 +216,38 @@ pub fn of_go(
 ) -> Result<Vec<Step>, NoSteps> {
     let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(vec![register(model, *write)])).collect();
     let Some(direction) = go.run() else {
-        steps.extend(go.frequency().map(|it| setpoint(model, it, control, bases)).transpose()?.map(Step::Write));
+        let sign = sign_of(model, go.toward())?;
+        let alone = go.frequency().map(|it| setpoint(model, it, sign, control, bases)).transpose()?;
+        steps.extend(alone.map(Step::Write));
         return Ok(steps);
     };
     let run = run(model, direction)?;
     if !control.bus.has_frequency() {
+        if model.turns_by_sign() && direction == Direction::Reverse {
+            return Err(NoSteps::NotCapable);
+        }
         steps.push(Step::Write(vec![run]));
         return before_run::before_run(model, direction, steps);
     }
     match setpoint_of_run(model, go, last)? {
-        Some(frequency) => steps.extend(setpoint_and_run(model, setpoint(model, frequency, control, bases)?, run)),
+        Some(frequency) => {
+            let mut writes = setpoint(model, frequency, direction, control, bases)?;
+            if model.turns_by_sign() {
+                writes.iter_mut().for_each(|write| write.part = StepPart::SignedSetpoint(frequency, direction));
+            }
+            steps.extend(setpoint_and_run(model, writes, run));
+        }
         None => {
             steps.insert(0, check_setting(model, control, bases)?);
             steps.push(Step::Write(vec![run]));
         }
     }
     before_run::before_run(model, direction, steps)
+}
+
+/// The direction that the sign of a setpoint alone orders: without a sign it orders none.
+fn sign_of(model: &Model, toward: Option<Direction>) -> Result<Direction, NoSteps> {
+    if model.turns_by_sign() { toward.ok_or(NoSteps::SetpointUnknown) } else { Ok(Direction::Forward) }
 }
 
 /// The register and the word that stop a drive, or cut its output off.

@@ -19,6 +19,7 @@ mod registers;
 #[cfg(test)]
 mod restart_tests;
 mod review;
+mod sign;
 mod state;
 #[cfg(test)]
 mod tests;

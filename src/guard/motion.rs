@@ -29,6 +29,7 @@ impl DriveGuard {
         if let Some(direction) = go.run() {
             self.may_turn(direction, control)?;
         }
+        self.sign_may_stand(go, control, facts)?;
         // A controller that only sets parameters may no longer be supervising the motor.
         let renews = command.origin.manner == Manner::Once || go.run().is_some() || go.frequency().is_some();
         let Some(go) = self.what_changes(command.origin, go, control) else {
@@ -46,6 +47,7 @@ impl DriveGuard {
         if go.run().is_some() || go.frequency().is_some() {
             self.knows_full_scale(now)?;
         }
+        let go = self.signed(go, control, facts)?;
         let steps = steps::of_go(&self.model, &go, control, self.setpoint(), &self.bases).map_err(no_steps)?;
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
         if moves || (renews && self.counts_as_held_by(owner, control)) {

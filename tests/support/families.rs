@@ -26,8 +26,9 @@ pub fn models() -> Vec<Arc<Model>> {
 }
 
 /// The test models that have the constructs which no drive of the time has.
-const CONSTRUCTED: [(&str, &str); 6] = [
+const CONSTRUCTED: [(&str, &str); 7] = [
     ("orders.toml", include_str!("../golden/models/orders.toml")),
+    ("signed.toml", include_str!("../golden/models/signed.toml")),
     ("start.toml", include_str!("../golden/models/start.toml")),
     ("values.toml", include_str!("../golden/models/values.toml")),
     ("zero-coast.toml", include_str!("../golden/models/zero-coast.toml")),

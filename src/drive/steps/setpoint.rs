@@ -1,16 +1,17 @@
 //! How a setpoint is written, alone or before the run word, and how the drive shows it.
 
 use super::{Condition, NoSteps, SHOWN_WITHIN, Step, StepPart, Write};
-use crate::domain::command::Go;
+use crate::domain::command::{Direction, Go};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::drive::bases::Bases;
 use crate::profile::model::{Model, Register, Role};
 
-/// The write of a setpoint: one word, or both words of a pair.
+/// The write of a setpoint: one word, or both words of a pair. On a drive that turns by its sign, it is below 0 for reverse.
 pub(super) fn setpoint(
     model: &Model,
     frequency: Hertz,
+    toward: Direction,
     control: &ControlSettings,
     bases: &Bases,
 ) -> Result<Vec<Write>, NoSteps> {
@@ -29,14 +30,18 @@ pub(super) fn setpoint(
     }
     let known = |address| bases.word(address);
     let value = register.word_of(frequency, (control.least, control.most), known).ok_or(NoSteps::BetweenSteps)?;
+    let signed = |word: u16| match toward {
+        Direction::Reverse if model.turns_by_sign() => word.wrapping_neg(),
+        Direction::Forward | Direction::Reverse => word,
+    };
     let shown = model.setting_register().and_then(|setting| {
         if setting.form.pair.is_some() {
             return shows(setting, frequency);
         }
         let words = setpoint_words(register, setting, frequency, value, bases)?;
-        Some(Condition::holds(setting.address, words, SHOWN_WITHIN))
+        Some(Condition::holds(setting.address, words.into_iter().map(signed).collect(), SHOWN_WITHIN))
     });
-    Ok(vec![write(register.address, value, &shown)])
+    Ok(vec![write(register.address, signed(value), &shown)])
 }
 
 /// That `setting` shows `frequency`; `None` if it does not hold it exactly.
@@ -69,9 +74,9 @@ fn setpoint_words(
 
 /// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
 pub(super) fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option<Hertz>, NoSteps> {
-    // A range of words can be checked, a range of pairs is not.
+    // A range of words can be checked, a range of pairs is not; a sign that orders the direction is given anew.
     let is_checked = model.setting_register().is_some_and(|setting| setting.form.pair.is_none());
-    let must_be_given = model.quirks.setpoint_before_run.is_some() || !is_checked;
+    let must_be_given = model.quirks.setpoint_before_run.is_some() || !is_checked || model.turns_by_sign();
     match go.frequency() {
         Some(frequency) => Ok(Some(frequency)),
         None if must_be_given => last.map(Some).ok_or(NoSteps::SetpointUnknown),

@@ -213,11 +213,9 @@ impl DriveWork {
                         });
                         self.guard.run_failed(direction, still_ordered);
                     }
-                    StepPart::Setpoint(value) => {
-                        let still_ordered = self.last_left(|execution, part| match part {
-                            StepPart::Setpoint(value) => Some((execution.owner(), value)),
-                            _ => None,
-                        });
+                    StepPart::Setpoint(value) | StepPart::SignedSetpoint(value, _) => {
+                        let still_ordered =
+                            self.last_left(|execution, part| Some((execution.owner(), part.setpoint()?)));
                         self.guard.setpoint_failed(value, still_ordered);
                     }
                     StepPart::Start

@@ -270,6 +270,10 @@ impl DriveWork {
             }
             StepPart::Direction(direction) => self.may_turn_round(direction),
             StepPart::Setpoint(_) => self.guard.setpoint_is_unknown(),
+            StepPart::SignedSetpoint(_, direction) => {
+                self.guard.setpoint_is_unknown();
+                self.may_turn_round(direction);
+            }
             StepPart::Reset { .. } => self.guard.setpoint_may_be_lost(),
             StepPart::Start
             | StepPart::Register
@@ -285,7 +289,7 @@ impl DriveWork {
         self.replaces_start(kind);
     }
 
-    /// The direction was written: a motor that turns follows it at once.
+    /// The direction, or a setpoint with its sign, was written: a motor that turns follows it at once.
     fn may_turn_round(&mut self, direction: Direction) {
         if self.is_moving() {
             self.guard.run_is_unknown(direction);
@@ -302,6 +306,10 @@ impl DriveWork {
     fn part_taken(&mut self, part: StepPart, owner: Owner, is_sure: bool, now: MonoTime) {
         match part {
             StepPart::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
+            StepPart::SignedSetpoint(value, direction) => {
+                self.guard.setpoint_was_acknowledged(owner, value);
+                self.may_turn_round(direction);
+            }
             StepPart::Run(direction) => {
                 self.starts(now);
                 self.replaces_reset(OrderKind::Forward);

@@ -59,6 +59,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::Tripped
         | Reason::NotTripped
         | Reason::Reversal
+        | Reason::SignUnknown
         | Reason::Moving
         | Reason::LineQuality
         | Reason::StartsTooOften

@@ -4,7 +4,7 @@ use super::{FrameValue, KnownDrive};
 use crate::domain::address::{Address, Table};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::rated::Rated;
-use crate::profile::model::{BitMeaning, Model, Register, Role};
+use crate::profile::model::{BitMeaning, Model, OrderKind, Register, Role};
 use crate::profile::scale::digits_of;
 use crate::profile::value::codes_of_bits;
 use crate::profile::words::{BIT_MEANINGS, FLAGS, ZERO_WORDS};
@@ -98,6 +98,9 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     }
     let text =
         if register.unit == UnitOfMeasure::None { scaled.to_string() } else { format!("{scaled} {}", register.unit) };
+    if register.form.sign_is_direction && register.number_in(word) < 0 {
+        return with_meaning(text, "reverse".to_owned());
+    }
     let rated = Rated::of(register, &drive.ratings);
     let rated = rated.map(|rated| format!("{} {}", rated.to_digits(scaled, digits_of(register.scale)), rated.unit));
     with_meaning(text, rated.unwrap_or_default())
@@ -114,7 +117,8 @@ fn order_text(model: &Model, register: &Register, word: u16) -> String {
         return known.into_iter().find(|(it, _)| *it == Some(word)).map_or("", |(_, name)| name).to_owned();
     }
     if let Some((kind, _)) = model.orders_at(register.address).find(|(_, fact)| fact.value == word) {
-        return kind.word().to_owned();
+        let says_no_direction = kind == OrderKind::Forward && model.turns_by_sign();
+        return if says_no_direction { "run" } else { kind.word() }.to_owned();
     }
     let Some(run) = model.run.as_ref().filter(|_| register.role == Some(Role::RunCommand)) else {
         return String::new();

@@ -5,7 +5,7 @@ use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, PlacesFile, RunFile};
 use crate::profile::model::{Memory, OrderKind, Role};
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{Location, Spanned};
+use crate::toml_file::{Location, OptionalKey, Spanned};
 use std::collections::BTreeMap;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -18,6 +18,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     words_differ(run, problems);
     stop_replaces_run(run, problems);
     direction_is_whole(run, problems);
+    sign_can_be_ordered(run, &file.registers, problems);
 }
 
 /// A register with the role `order` belongs to an order.
@@ -105,9 +106,45 @@ fn direction_is_whole(run: &RunFile, problems: &mut Vec<Problem>) {
     }
 }
 
+/// A direction that the sign of the setpoint orders is ordered by nothing else, and every register of the setpoint has
+/// that sign.
+fn sign_can_be_ordered(run: &RunFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    let Some(by_sign) = run.places.reverse_by.as_ref().and_then(|fact| fact.value.as_ref()) else { return };
+    let reverse = run.reverse.as_ref().and_then(|fact| fact.value.as_ref()).map(|word| &word.location);
+    let direction = run.places.direction.as_ref().and_then(|fact| fact.value.as_ref()).map(|it| &it.location);
+    for (location, key) in [(reverse, "reverse"), (direction, "direction")] {
+        let Some(location) = location else { continue };
+        let problem = location.problem("`reverse_by` says how reverse is ordered");
+        problems.push(problem.right(format!("leave `{key}` out, or `reverse_by`")));
+    }
+    let of_setpoint = |register: &&RegisterFile| {
+        let role = register.role.valid().map(|role| role.value);
+        let is_shown = register.access.as_ref().is_none_or(|access| access.value.can_read());
+        role == Some(Role::FrequencyCommand) || (role == Some(Role::FrequencySetting) && is_shown)
+    };
+    for register in registers.iter().filter(of_setpoint) {
+        let name = register.name().unwrap_or_default();
+        if !matches!(register.form.direction.0, OptionalKey::Absent) {
+            if let Some(words) = register.form.words.valid().filter(|words| words.value == 2) {
+                let problem = words.location.problem("a setpoint whose sign is the direction is one word");
+                problems.push(problem.right("a register of one word, or leave `reverse_by` out"));
+            }
+        } else {
+            let problem = by_sign.location.problem(format!("the sign of `{name}` is no direction"));
+            let right = "`signed = true` and `direction = \"sign\"` there, if the documents say so";
+            problems.push(problem.right(right));
+        }
+        if let Some(from) = register.form.full_scale.valid().and_then(|scale| scale.value.from.valid()) {
+            let problem = from.location.problem("0 is not 0 Hz there, so that the sign is no direction");
+            problems.push(problem.right("leave it out, or `reverse_by`"));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use crate::profile::check;
+    use crate::profile::model::Confidence;
     use crate::profile::testing::{MODEL, told_with};
 
     const ORDERS: &str = include_str!("../../../tests/golden/models/orders.toml");
@@ -120,6 +157,72 @@ mod tests {
             let found = told_with(ORDERS, from, to).replace("\n    right: ", " -> ");
             assert!(found.contains(expected), "{from} -> {to}: {found}");
         }
+    }
+
+    #[test]
+    fn a_sign_orders_the_direction_where_the_setpoint_has_one() {
+        const SIGNED: &str = include_str!("../../../tests/golden/models/signed.toml");
+        let model = check::model(SIGNED).unwrap();
+        let run = model.run.as_ref().unwrap();
+        assert_eq!(run.reverse.as_ref().map(|fact| fact.value), Some(run.forward.value));
+        let by = "reverse_by = { value = \"sign\", confidence = \"manual\", source = \"IM 5\" }\n";
+        let reverse = format!("{by}reverse = {{ value = 2, confidence = \"manual\", source = \"IM 5\" }}\n");
+        let direction = format!(
+            "{by}direction = {{ register = \"turn\", forward = 0, reverse = 1, confidence = \"manual\", source = \"IM 5\" }}\n"
+        );
+        let turn = "[[register]]\nname = \"turn\"\ntitle = \"T\"\naddress = 0x2050\nunit = \"-\"\naccess = \"write\"\n\
+                    memory = \"ram\"\nconfidence = \"manual\"\nsource = \"IM 5\"\n\n[[register]]\nname = \"run\"";
+        let sign = "scale = 100\nsigned = true\ndirection = \"sign\"\nunit = \"Hz\"\naccess = \"read-write\"";
+        let setting = "[[register]]\nname = \"setting\"\ntitle = \"T\"\naddress = 0x2050\nscale = 100\nunit = \"Hz\"\n\
+                       access = \"read\"\nrole = \"frequency-setting\"\nconfidence = \"manual\"\nsource = \"IM 5\"\n\n\
+                       [[register]]\nname = \"run\"";
+        let with_turn = SIGNED.replacen("[[register]]\nname = \"run\"", turn, 1);
+        for (text, from, to, expected) in [
+            (
+                SIGNED,
+                by,
+                reverse.as_str(),
+                "run.reverse.value: `reverse_by` says how reverse is ordered -> leave `reverse` out",
+            ),
+            (
+                &with_turn,
+                by,
+                &direction,
+                "`reverse_by` says how reverse is ordered -> leave `direction` out, or `reverse_by`",
+            ),
+            (
+                SIGNED,
+                sign,
+                &sign.replace("direction = \"sign\"\n", ""),
+                "the sign of `frequency_command` is no direction",
+            ),
+            (
+                SIGNED,
+                sign,
+                &sign.replace("scale = 100", "words = 2\nword_order = \"low-first\"\nscale = 100"),
+                "is one word",
+            ),
+            (
+                SIGNED,
+                "[[register]]\nname = \"run\"",
+                setting,
+                "the sign of `setting` is no direction -> `signed = true` and",
+            ),
+            (SIGNED, "\"sign\", confidence", "\"bit\", confidence", "run.reverse_by.value: "),
+        ] {
+            let found = told_with(text, from, to).replace("\n    right: ", " -> ");
+            assert!(found.contains(expected), "{to}: {found}");
+        }
+    }
+
+    #[test]
+    fn reverse_by_the_sign_is_as_sure_as_the_sign() {
+        const SIGNED: &str = include_str!("../../../tests/golden/models/signed.toml");
+        let sure = |text: &str| check::model(text).unwrap().run.unwrap().reverse.unwrap().confidence;
+        assert_eq!(sure(SIGNED), Confidence::Manual);
+        let unstated =
+            SIGNED.replacen("role = \"frequency-command\"", "role = \"frequency-command\"\nnot_stated = [\"sign\"]", 1);
+        assert_eq!(sure(&unstated), Confidence::Inferred);
     }
 
     #[test]

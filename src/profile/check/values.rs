@@ -213,8 +213,9 @@ fn basis<'f>(
 /// Only signed frequencies show a direction.
 fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) {
     let Some(direction) = register.form.direction.valid() else { return };
-    if !matches!(role(register), Some(Role::OutputFrequency | Role::FrequencyCommand)) {
-        let right = "leave it out, or role \"output-frequency\" or \"frequency-command\"";
+    let shows = [Role::OutputFrequency, Role::FrequencyCommand, Role::FrequencySetting];
+    if !role(register).is_some_and(|role| shows.contains(&role)) {
+        let right = "leave it out, or role \"output-frequency\", \"frequency-command\" or \"frequency-setting\"";
         tell(&direction.location, "only a frequency shows the direction", right, problems);
     }
     if register.signed.or(false) == Some(false) {

@@ -9,6 +9,9 @@ use crate::profile::register::{RegisterFile, address_of};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 
+/// Values of `reverse_by`.
+const REVERSE_BY: [(&str, ()); 1] = [("sign", ())];
+
 /// What `[run]` says about the places of its orders.
 #[derive(Default)]
 pub(in crate::profile) struct PlacesFile {
@@ -18,6 +21,7 @@ pub(in crate::profile) struct PlacesFile {
     is_damaged: bool,
     pub clear: Option<Spanned<u16>>,
     pub direction: Option<FactFile<DirectionFile>>,
+    pub reverse_by: Option<FactFile<()>>,
     /// The forbidden words, each with its register, if it names one.
     pub never: Vec<(FactFile<u16>, OptionalKey<String>)>,
 }
@@ -63,7 +67,7 @@ impl PlacesFile {
         value
     }
 
-    /// `direction` and `never`.
+    /// `direction`, `reverse_by` and `never`.
     pub(super) fn read_rest(&mut self, facts: &Facts<'_>, reader: &mut Reader<'_, '_>) {
         let word = Kind::number(0..=u16::MAX);
         self.direction = facts.optional(reader, "direction", |reader| {
@@ -73,6 +77,7 @@ impl PlacesFile {
                 reverse: reader.optional("reverse", &word),
             })
         });
+        self.reverse_by = facts.optional_value(reader, "reverse_by", &Kind::one_of(&REVERSE_BY));
         for section in reader.tables("never") {
             let mut register = OptionalKey::Absent;
             let never = facts.fact(reader.open(section), |reader| {
@@ -95,11 +100,16 @@ impl PlacesFile {
         self.registers.iter().map(|(_, name)| name).chain(direction).chain(never)
     }
 
-    /// The reverse order of a model that writes the direction first: the word for forward, as sure as both.
+    /// The reverse order of a model that writes the direction first, or turns by the sign of the setpoint: the word for
+    /// forward, as sure as both.
     pub(super) fn reverse(&self, forward: &Fact<u16>) -> Option<Fact<u16>> {
-        let direction = self.direction.as_ref()?;
-        direction.value.as_ref()?.value.reverse.valid()?;
-        let (confidence, source) = direction.origin.clone()?;
+        let (confidence, source) = match (&self.direction, &self.reverse_by) {
+            (Some(direction), _) => {
+                direction.value.as_ref()?.value.reverse.valid()?;
+                direction.origin.clone()?
+            }
+            (None, by_sign) => by_sign.as_ref()?.origin.clone()?,
+        };
         Some(Fact { value: forward.value, confidence: confidence.max(forward.confidence), source })
     }
 
@@ -124,6 +134,10 @@ impl PlacesFile {
                 None => None,
                 Some(direction) => Some(direction.and_then(|it| it.ready(registers))?),
             },
+            by_sign: match &self.reverse_by {
+                None => false,
+                Some(fact) => fact.ready().map(|_| true)?,
+            },
             never: never.collect::<Option<_>>()?,
         })
     }
@@ -142,6 +156,13 @@ impl DirectionFile {
 /// Guards the registers that orders name, and makes no order surer than the register that it is written to.
 pub(super) fn bind(run: &mut RunCommand, registers: &mut [Register]) {
     let places = run.places.clone();
+    if places.by_sign
+        && let Some(command) = registers.iter().find(|it| it.role == Some(Role::FrequencyCommand))
+    {
+        let is_stated = command.not_stated.iter().all(|part| !matches!(part, FactPart::Sign | FactPart::Writing));
+        let sureness = if is_stated { command.confidence } else { command.confidence.max(Confidence::Inferred) };
+        run.reverse.iter_mut().for_each(|fact| fact.confidence = fact.confidence.max(sureness));
+    }
     let mut written = |address: Address| {
         let register = registers.iter_mut().find(|it| it.address == address && it.access.can_write())?;
         register.role = register.role.or(Some(Role::Order));

@@ -49,6 +49,8 @@ pub struct OrderPlaces {
     pub clear: Option<u16>,
     /// The direction, if it is written to a register of its own before the run word.
     pub direction: Option<Fact<DirectionWords>>,
+    /// Reverse is ordered by a setpoint below 0 beside the word for forward.
+    pub by_sign: bool,
     /// Forbidden words of other registers than that for run commands.
     pub never: Vec<(Address, Fact<u16>)>,
 }
@@ -108,6 +110,12 @@ impl Model {
     pub fn orders_at(&self, address: Address) -> impl Iterator<Item = (OrderKind, &Fact<u16>)> {
         let all = OrderKind::ALL.into_iter().filter_map(|kind| Some((kind, self.order(kind)?)));
         all.filter(move |(_, (at, _))| *at == address).map(|(kind, (_, fact))| (kind, fact))
+    }
+
+    /// Whether the sign of the setpoint orders the direction: a run word alone says none.
+    #[must_use]
+    pub fn turns_by_sign(&self) -> bool {
+        self.run.as_ref().is_some_and(|run| run.places.by_sign)
     }
 
     /// The direction words, if the direction is written to `address`.

@@ -44,6 +44,11 @@ pub(super) const ORDERS: &[Section] = &[
             ("direction.forward", "", "The word for forward."),
             ("direction.reverse", "no such order", "The word for reverse."),
             (
+                "reverse_by",
+                "a word of its own",
+                "How reverse is ordered beside the word for forward. `reverse` is then left out.",
+            ),
+            (
                 "take_back",
                 "`stop`",
                 "The word that takes back a start that the drive does not follow. Only beside `[[run.start]]`.",

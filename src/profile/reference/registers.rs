@@ -87,7 +87,7 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         (
             "direction",
             "none",
-            "Of a signed output frequency or frequency command: the sign is the direction, and the magnitude is shown.",
+            "Of a signed output frequency, frequency command or frequency setting: the sign is the direction, and the magnitude is shown.",
         ),
     ],
 }];

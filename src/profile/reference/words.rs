@@ -118,6 +118,7 @@ pub(super) const WORDS: &[Words] = &[
             ("other", "Something that the gateway never orders."),
         ],
     },
+    Words { of: &["run.reverse_by"], words: &[("sign", "By a setpoint below 0.")] },
     Words {
         of: &["run.zero"],
         words: &[

@@ -21,7 +21,7 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
         Some((_, address)) => format!("{word} to {}", name_at(model, *address)),
         None => shown(word),
     };
-    let is_given = |kind: &OrderKind| *kind != OrderKind::Reverse || places.direction.is_none();
+    let is_given = |kind: &OrderKind| *kind != OrderKind::Reverse || (places.direction.is_none() && !places.by_sign);
     let all = OrderKind::ALL.into_iter().filter(is_given).filter_map(|kind| Some((kind, run.word(kind)?)));
     let mut rows: Vec<_> = all.map(|(kind, fact)| row(kind.word(), of(kind, fact.value), fact)).collect();
     rows.extend(places.direction.iter().map(|fact| {
@@ -29,6 +29,8 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
         let reverse = words.reverse.map_or(String::new(), |word| format!(", reverse {word}"));
         row("direction", format!("forward {}{reverse} to {}", words.forward, name_at(model, words.address)), fact)
     }));
+    let by_sign = run.reverse.as_ref().filter(|_| places.by_sign);
+    rows.extend(by_sign.map(|fact| row("reverse", format!("{} with a setpoint below 0", shown(fact.value)), fact)));
     rows.extend(run.never.iter().map(|fact| row("never written", shown(fact.value), fact)));
     rows.extend(
         places.never.iter().map(|(address, fact)| {

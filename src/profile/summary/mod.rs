@@ -91,6 +91,8 @@ mod tests {
         golden("orders.txt", &summary(&check::model(text).unwrap()));
         let text = include_str!("../../../tests/golden/models/pairs.toml");
         golden("pairs.txt", &summary(&check::model(text).unwrap()));
+        let text = include_str!("../../../tests/golden/models/signed.toml");
+        golden("signed.txt", &summary(&check::model(text).unwrap()));
         let text = include_str!("../../../tests/golden/models/coils.toml");
         golden("coils.txt", &summary(&check::model(text).unwrap()));
         let text = include_str!("../../../tests/golden/models/start.toml");

@@ -155,7 +155,8 @@ impl SimDrive {
     /// Applies `setpoint`, in microhertz; a running motor follows.
     pub(super) fn take_setpoint(&mut self, at: MonoTime, setpoint: i64) -> Result<(), Objection> {
         let listens = self.is_source_at_bus(Role::FrequencySource);
-        if setpoint < 0 || setpoint > self.highest() {
+        let is_below = setpoint < 0 && !self.model.turns_by_sign();
+        if is_below || setpoint.abs() > self.highest() {
             return Err(Objection::Value);
         }
         if !listens && !self.can_take_frequency() {
@@ -214,11 +215,11 @@ impl SimDrive {
         }
     }
 
-    /// The frequency, without direction, at which the motor would run now.
+    /// The frequency at which the motor would run now: without direction, or below 0 where the sign of the setpoint turns it.
     fn wanted(&self) -> i64 {
         let panel = self.options.panel_frequency_hz.filter(|_| !self.is_frequency_from_bus());
         let frequency = panel.map_or(self.setpoint, |hertz| i64::from(hertz) * MICROHERTZ);
-        if self.control.is_jog { JOG } else { frequency.min(self.highest()) }
+        if self.control.is_jog { JOG } else { frequency.clamp(-self.highest(), self.highest()) }
     }
 
     /// The maximum output frequency of the drive, in microhertz.

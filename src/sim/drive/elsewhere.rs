@@ -54,11 +54,16 @@ impl SimDrive {
     /// The current order of the motor, from any source, as of the last moment passed to the drive.
     #[must_use]
     pub fn ordered(&self) -> Option<Direction> {
-        match self.control.direction {
+        match self.control.direction * self.setpoint_sign() {
             0 => None,
             1.. => Some(Direction::Forward),
             _ => Some(Direction::Reverse),
         }
+    }
+
+    /// -1 if the setpoint is below 0, which only drives take that turn by its sign; else 1.
+    pub(super) const fn setpoint_sign(&self) -> i64 {
+        if self.setpoint < 0 { -1 } else { 1 }
     }
 
     /// How often the drive tripped.

@@ -33,7 +33,7 @@ impl SimDrive {
     /// Whether `flag` is set at `at`.
     fn is_so(&self, at: MonoTime, flag: Flag) -> bool {
         let output = self.motor.output(at);
-        let direction = self.control.direction;
+        let direction = self.control.direction * self.setpoint_sign();
         match flag {
             Flag::Running => self.shows_running(at),
             Flag::Reverse => output < 0 || (output == 0 && direction < 0),

@@ -127,7 +127,7 @@ fn order_words(model: &Model, address: Address) -> Vec<String> {
         format!("{value} {text}{mark}")
     };
     let mut rows: Vec<String> = Vec::new();
-    let is_by_direction = model.run.as_ref().is_some_and(|run| run.places.direction.is_some());
+    let is_by_direction = model.turns_by_sign() || model.run.as_ref().is_some_and(|run| run.places.direction.is_some());
     for (kind, fact) in model.orders_at(address) {
         match kind {
             OrderKind::Reverse if is_by_direction => {}

@@ -1,0 +1,45 @@
+//! The sign of a setpoint on a drive that turns by it: it never turns a motor round by itself.
+
+use super::review::{Facts, refused};
+use super::state::DriveGuard;
+use crate::domain::command::{Direction, Go, Reason, Report, RunIntent};
+use crate::domain::control::ControlSettings;
+
+impl DriveGuard {
+    /// Whether a setpoint that a client wrote alone, with a sign, leaves the direction as it is.
+    pub(super) fn sign_may_stand(&self, go: &Go, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
+        if go.run().is_some() || go.toward().is_none() || go.toward() == self.sign(control, facts) {
+            return Ok(());
+        }
+        Err(refused(Reason::SignUnknown))
+    }
+
+    /// `go`, its setpoint with the sign of the direction in force if it has no direction of its own.
+    pub(super) fn signed(&self, go: Go, control: &ControlSettings, facts: &Facts) -> Result<Go, Report> {
+        if !self.model.turns_by_sign() || go.run().is_some() || go.frequency().is_none() {
+            return Ok(go);
+        }
+        let sign = self.sign(control, facts).ok_or(refused(Reason::SignUnknown))?;
+        Ok(go.with_sign(Some(sign)))
+    }
+
+    /// The direction in force, which a setpoint alone must keep: the one that was ordered here and that the motor, as far
+    /// as the drive shows it, has. `None` while it is not known, as of a motor that was started elsewhere.
+    fn sign(&self, control: &ControlSettings, facts: &Facts) -> Option<Direction> {
+        if !control.bus.has_run() {
+            // Terminals give the direction.
+            return Some(Direction::Forward);
+        }
+        let ordered = match self.intent() {
+            RunIntent::Run(direction) => Some(direction),
+            RunIntent::Stop | RunIntent::Coast => None,
+        };
+        if facts.at_standstill {
+            return Some(ordered.unwrap_or(Direction::Forward));
+        }
+        ordered.filter(|ordered| match facts.turns {
+            Some(turns) => turns == *ordered,
+            None => self.run_acknowledged,
+        })
+    }
+}
