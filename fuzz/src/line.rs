@@ -248,7 +248,7 @@ impl Watch {
             rest => {
                 let direction = if kind & 32 == 0 { Direction::Forward } else { Direction::Reverse };
                 let writes = feed.words(if rest < 9 { 17 } else { 0 });
-                let writes = writes.into_iter().map(|address| RegisterWrite { address: address.into(), value: 1 });
+                let writes = writes.into_iter().map(|address| RegisterWrite::new(address, 1));
                 return Go::new(writes.collect(), frequency, (rest > 7).then_some(direction)).map(Order::Go);
             }
         })

@@ -176,7 +176,22 @@ impl LocalSide {
     /// # Errors
     /// Why there is no word, as of a command that ended so.
     pub async fn read(&self, place: DriveRef, address: Address, deadline: MonoTime) -> Result<u16, Report> {
-        let ask = NativeAsk::Read { address, count: 1 };
+        let words = self.read_words(place, address, 1, deadline).await?;
+        words.first().copied().ok_or(Report::refused(Reason::NoReply))
+    }
+
+    /// Reads `count` words from `address` on.
+    ///
+    /// # Errors
+    /// Why they could not be read.
+    pub async fn read_words(
+        &self,
+        place: DriveRef,
+        address: Address,
+        count: u16,
+        deadline: MonoTime,
+    ) -> Result<Vec<u16>, Report> {
+        let ask = NativeAsk::Read { address, count };
         let request = |ticket| {
             let Who { asker, origin } = Who::TOOL;
             Message::Native(NativeRequest { asker, ticket, drive: place.drive, origin, ask, deadline })
@@ -189,9 +204,9 @@ impl LocalSide {
             Err(Missing::Full) => NativeOutcome::Refused(Refusal::QueueFull),
             Err(Missing::Line) => NativeOutcome::NoReply,
         };
-        match &outcome {
-            NativeOutcome::Words(words) => words.first().copied().ok_or_else(|| outcome.read_failure()),
-            _ => Err(outcome.read_failure()),
+        match outcome {
+            NativeOutcome::Words(words) => Ok(words.to_vec()),
+            outcome => Err(outcome.read_failure()),
         }
     }
 

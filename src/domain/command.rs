@@ -132,6 +132,28 @@ pub struct RegisterWrite {
     pub address: Address,
     /// The word.
     pub value: u16,
+    /// The word for the next address, of a value of two words: both go out in one frame.
+    pub second: Option<u16>,
+}
+
+impl RegisterWrite {
+    /// One word.
+    #[must_use]
+    pub fn new(address: impl Into<Address>, value: u16) -> Self {
+        Self { address: address.into(), value, second: None }
+    }
+
+    /// Its words with their addresses.
+    pub fn words(self) -> impl Iterator<Item = (Address, u16)> {
+        let second = self.second.and_then(|word| Some((self.address.checked_add(1)?, word)));
+        [(self.address, self.value)].into_iter().chain(second)
+    }
+
+    /// Both words of a value, in the order of their addresses.
+    #[must_use]
+    pub fn pair(address: impl Into<Address>, [value, second]: [u16; 2]) -> Self {
+        Self { address: address.into(), value, second: Some(second) }
+    }
 }
 
 /// Who holds control of a drive: an identity, not a socket.
@@ -390,7 +412,7 @@ mod tests {
 
     #[test]
     fn an_order_never_needs_more_than_its_frames() {
-        let registers = |count| vec![RegisterWrite { address: 1.into(), value: 1 }; count];
+        let registers = |count| vec![RegisterWrite::new(1_u16, 1); count];
         let setpoint = Some(Hertz::ZERO);
         let run = Some(Direction::Forward);
         assert!(Go::new(registers(Go::REGISTERS_MAX), None, None).is_some());

@@ -161,6 +161,8 @@ reasons! {
     NotReady = 62, "not_ready", "the drive did not get ready to start: the start was taken back";
     /// The sign of the setpoint would order a direction, and the one in force is another or not known.
     SignUnknown = 63, "sign_unknown", "the sign of a setpoint alone could turn the motor round: order run with it";
+    /// One word of a value of two words: both are written together or not at all.
+    HalfAValue = 64, "half_a_value", "the register is half of a value of two words: write both words in one request of function 10 hex";
 }
 
 impl Reason {

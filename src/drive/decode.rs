@@ -32,7 +32,7 @@ enum RunPart {
 /// [`Reason::NotListed`] for an address that the model does not know as writable, [`Reason::NotAllowed`] for a register
 /// that decides whom the motor obeys or moves it by another way, [`Reason::NotUnderstood`] for a run value that is not
 /// exactly one known command, [`Reason::OutsideRange`] for a word that the register does not take,
-/// [`Reason::Conflict`] for parts that exclude each other.
+/// [`Reason::HalfAValue`] for one word of two, [`Reason::Conflict`] for parts that exclude each other.
 pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, Reason> {
     order_on(model, &Bases::default(), address, values)
 }
@@ -50,9 +50,12 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
     let mut words = addresses.zip(values);
     while let Some((address, value)) = words.next() {
         if let Some(register) = model.writable_at(address).filter(|register| register.form.pair.is_some()) {
-            // Half a pair is no number.
-            let (_, second) = words.next().ok_or(Reason::NotUnderstood)?;
-            frequency = Some(Ok((frequency_of_pair(register, [*value, *second])?, None)));
+            let (_, second) = words.next().ok_or(Reason::HalfAValue)?;
+            match pair(register, [*value, *second])? {
+                DecodedPart::Frequency(hertz) => frequency = Some(hertz),
+                DecodedPart::Register(write) => registers.push(write),
+                DecodedPart::Run(_) | DecodedPart::Direction(_) => {}
+            }
             continue;
         }
         match part(model, bases, address, *value)? {
@@ -101,7 +104,13 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
 /// # Errors
 /// As for [`order`]; also [`Reason::NotAllowed`] for the registers that commands are written to.
 pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
-    match part(model, &Bases::default(), write.address, write.value)? {
+    let of_two = model.writable_at(write.address).filter(|register| register.form.pair.is_some());
+    let part = match (of_two, write.second) {
+        (Some(register), Some(second)) => pair(register, [write.value, second])?,
+        (None, None) => part(model, &Bases::default(), write.address, write.value)?,
+        (Some(_), None) | (None, Some(_)) => return Err(Reason::HalfAValue),
+    };
+    match part {
         DecodedPart::Register(_) => Ok(()),
         DecodedPart::Run(_) | DecodedPart::Direction(_) | DecodedPart::Frequency(_) => Err(Reason::NotAllowed),
     }
@@ -112,18 +121,21 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direc
 }
 
 fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<DecodedPart, Reason> {
+    if model.second_word_at(address).is_some() {
+        return Err(Reason::HalfAValue);
+    }
     let register = model.writable_at(address).or_else(|| model.stored_twin(address));
     let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
     let is_twin = register.address != address;
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
-        _ if register.form.pair.is_some() => Err(Reason::NotUnderstood),
+        _ if register.form.pair.is_some() => Err(Reason::HalfAValue),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand | Role::Order) => order_part(model, register.address, value).ok_or(Reason::NotUnderstood),
         Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(model, register, bases, value))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes(value) => Err(Reason::OutsideRange),
-        _ => Ok(DecodedPart::Register(RegisterWrite { address, value })),
+        _ => Ok(DecodedPart::Register(RegisterWrite::new(address, value))),
     }
 }
 
@@ -161,11 +173,19 @@ fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Re
     if is_same { Ok(hertz) } else { Err(Reason::BetweenSteps) }
 }
 
+/// The meaning of both words of a value.
+fn pair(register: &Register, words: [u16; 2]) -> Result<DecodedPart, Reason> {
+    match register.role {
+        _ if register.back_door.is_some() => Err(Reason::NotAllowed),
+        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(Ok((frequency_of_pair(register, words)?, None)))),
+        Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
+        _ if !register.takes_both(words) => Err(Reason::OutsideRange),
+        _ => Ok(DecodedPart::Register(RegisterWrite::pair(register.address, words))),
+    }
+}
+
 /// The frequency that both words of a setpoint order. It must lead back to the same words.
 fn frequency_of_pair(register: &Register, words: [u16; 2]) -> Result<Hertz, Reason> {
-    if register.role != Some(Role::FrequencyCommand) || register.back_door.is_some() {
-        return Err(Reason::NotAllowed);
-    }
     let number = register.number(|address| address.word_in(register.address, &words)).ok_or(Reason::NotUnderstood)?;
     let hertz = register.magnitude(number, |_| None).ok_or(Reason::OutsideRange)?;
     if register.pair_of(hertz) == Some(words) { Ok(hertz) } else { Err(Reason::BetweenSteps) }
@@ -264,7 +284,7 @@ mod tests {
         let model = model();
         let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
         assert_eq!(order(&model, 0x0004_u16.into(), &[6000]), Ok(Order::Go(setpoint)));
-        let ramp = Go::new(vec![RegisterWrite { address: 0x020C_u16.into(), value: 100 }], None, None).unwrap();
+        let ramp = Go::new(vec![RegisterWrite::new(0x020C_u16, 100)], None, None).unwrap();
         assert_eq!(order(&model, 0x020C_u16.into(), &[100]), Ok(Order::Go(ramp)));
         assert_eq!(order(&model, 0x0211_u16.into(), &[3]), Err(Reason::NotAllowed), "F010 frequency source");
         assert_eq!(order(&model, 0x0212_u16.into(), &[1]), Err(Reason::NotAllowed), "F011 run source");
@@ -306,7 +326,7 @@ mod tests {
         let exists = crate::drive::testing::fact(15);
         assert_eq!(order(&model, 0x820C_u16.into(), &[100]), Err(Reason::NotListed), "the model has no twins");
         model.quirks.stored_alias_bit = Some(exists);
-        let ramp = Go::new(vec![RegisterWrite { address: 0x820C_u16.into(), value: 100 }], None, None).unwrap();
+        let ramp = Go::new(vec![RegisterWrite::new(0x820C_u16, 100)], None, None).unwrap();
         assert_eq!(order(&model, 0x820C_u16.into(), &[100]), Ok(Order::Go(ramp)));
         for guarded in [0x8002, 0x8004, 0x8211, 0x8212] {
             assert_eq!(order(&model, guarded.into(), &[1]), Err(Reason::NotAllowed), "{guarded:04X}");

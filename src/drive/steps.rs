@@ -214,7 +214,7 @@ pub fn of_go(
     last: Option<Hertz>,
     bases: &Bases,
 ) -> Result<Vec<Step>, NoSteps> {
-    let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(vec![register(model, *write)])).collect();
+    let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(register(model, *write))).collect();
     let Some(direction) = go.run() else {
         let sign = sign_of(model, go.toward())?;
         let alone = go.frequency().map(|it| setpoint(model, it, sign, control, bases)).transpose()?;
@@ -338,7 +338,7 @@ pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSte
     }
     let items = model.setup.iter().filter_map(|item| Some((item.address?, item.written()?)));
     let wanted = items.filter(|(address, _)| addresses.contains(address));
-    Ok(wanted.map(|(address, value)| Step::Write(vec![register(model, RegisterWrite { address, value })])).collect())
+    Ok(wanted.map(|(address, value)| Step::Write(register(model, RegisterWrite::new(address, value)))).collect())
 }
 
 /// The register and the word of the order `kind`.
@@ -347,11 +347,16 @@ fn order(model: &Model, kind: OrderKind) -> Result<(Address, u16), NoSteps> {
     Ok((address, fact.value))
 }
 
-fn register(model: &Model, write: RegisterWrite) -> Write {
-    let RegisterWrite { address, value } = write;
+/// The writes of a register: both words of a value go out in one frame, and are read back in one.
+fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
+    let RegisterWrite { address, value, second } = write;
     let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
-    let shown = is_readable.then(|| Condition::holds(address, vec![value], Duration::ZERO));
-    Write { address, value, part: StepPart::Register, shown: shown.into_iter().collect() }
+    let holds = || Condition { second, ..Condition::holds(address, vec![value], Duration::ZERO) };
+    let part = StepPart::Register;
+    let first = Write { address, value, part, shown: is_readable.then(holds).into_iter().collect() };
+    let second = second.and_then(|value| Some((address.checked_add(1)?, value)));
+    let second = second.map(|(address, value)| Write { address, value, part, shown: Vec::new() });
+    [first].into_iter().chain(second).collect()
 }
 
 fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {

@@ -195,7 +195,7 @@ fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
         assert_eq!(write(50, Duration::ZERO), Ok(()));
         assert_eq!(write(60, interval - Duration::from_millis(1)), told, "{memory:?}");
         assert_eq!(write(60, interval * 2), Ok(()));
-        let twice = [50, 60].map(|value| crate::domain::command::RegisterWrite { address: RAMP.into(), value });
+        let twice = [50, 60].map(|value| crate::domain::command::RegisterWrite::new(RAMP, value));
         let twice = Order::Go(Go::new(twice.to_vec(), None, None).unwrap());
         assert_eq!(at(&mut guard_of(kept, control()), mqtt(), twice, &RESTING, NOW).map(drop), told, "in one order");
     }

@@ -7,7 +7,7 @@ use crate::domain::command::{CommandRequest, Go, Order, Origin, Owner, Reason, R
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
 use crate::drive::{decode, steps};
-use crate::profile::model::ParameterKind;
+use crate::profile::model::{ParameterKind, Register};
 
 impl DriveGuard {
     /// The register is listed, does not bypass control even if listed, and is not written too often.
@@ -59,7 +59,10 @@ impl DriveGuard {
             match register.parameter_kind() {
                 ParameterKind::ReadOnly => return Err(refused(Reason::NotListed)),
                 ParameterKind::BackDoor | ParameterKind::Command => return Err(refused(Reason::NotAllowed)),
-                _ if !register.takes(write.value) => return Err(refused(Reason::OutsideRange)),
+                _ if write.second.is_some() != register.form.pair.is_some() => {
+                    return Err(refused(Reason::HalfAValue));
+                }
+                _ if !is_in_range(register, *write) => return Err(refused(Reason::OutsideRange)),
                 ParameterKind::Source if !self.model.is_set_up_by(write.address, write.value) => {
                     if !control.allow_release {
                         return Err(refused(Reason::NoRelease));
@@ -94,6 +97,13 @@ impl DriveGuard {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
         Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
+    }
+}
+
+fn is_in_range(register: &Register, write: RegisterWrite) -> bool {
+    match write.second {
+        Some(second) => register.takes_both([write.value, second]),
+        None => register.takes(write.value),
     }
 }
 

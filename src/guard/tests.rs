@@ -236,7 +236,7 @@ fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
 }
 
 pub(super) fn register(address: Address, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite { address, value }], None, None).unwrap())
+    Order::Go(Go::new(vec![RegisterWrite::new(address, value)], None, None).unwrap())
 }
 
 /// The verdict on `order` of a local client with these facts.

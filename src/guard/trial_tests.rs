@@ -82,7 +82,7 @@ fn a_mark_is_for_one_action_and_one_command() {
     assert_eq!(reviewed(&mut guard, &trial(local(), Order::Coast, ControlAction::Coast)), Ok(()));
     assert_eq!(reviewed(&mut guard, &command(local(), Order::Coast)), REFUSED(Reason::Unverified), "the next has none");
     assert_eq!(reviewed(&mut guard, &command(local(), STOP)), Ok(()), "a stop needs none");
-    let writes = vec![RegisterWrite { address: 1_u16.into(), value: 1 }];
+    let writes = vec![RegisterWrite::new(1_u16, 1)];
     let beside = Order::Go(Go::new(writes, None, Some(Direction::Forward)).unwrap());
     let tried = reviewed(&mut guard_of(unproven(), settings()), &trial(local(), beside, ControlAction::Basic));
     assert_eq!(tried, REFUSED(Reason::Conflict), "nothing else is written beside it");

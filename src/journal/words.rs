@@ -41,7 +41,8 @@ fn order(order: &Order) -> String {
 }
 
 fn go(go: &Go) -> String {
-    let registers = go.registers().iter().map(|write| register(write.address, write.value));
+    let words = go.registers().iter().flat_map(|write| write.words());
+    let registers = words.map(|(address, value)| register(address, value));
     let run = go.run().map(|direction| match direction {
         Direction::Forward => "run forward".to_owned(),
         Direction::Reverse => "run reverse".to_owned(),
@@ -102,7 +103,8 @@ mod tests {
             (Tried::Order(Order::Stop { setpoint: None }), "stop"),
             (Tried::Order(Order::Stop { setpoint: thirty }), "stop, 30.00 Hz"),
             (go(Vec::new(), thirty, Some(Direction::Reverse)), "30.00 Hz, run reverse"),
-            (go(vec![RegisterWrite { address: 12_u16.into(), value: 100 }], None, None), "0x000C = 100"),
+            (go(vec![RegisterWrite::new(12_u16, 100)], None, None), "0x000C = 100"),
+            (go(vec![RegisterWrite::pair(12_u16, [1, 100])], None, None), "0x000C = 1, 0x000D = 100"),
             (Tried::Registers { address: 0xFFFF_u16.into(), values: vec![1, 2] }, "0xFFFF = 1, 0x0000 = 2"),
             (Tried::Order(Order::Setup(vec![1_u16.into(), 0x0211_u16.into()])), "setup 0x0001, 0x0211"),
             (Tried::Text("ü".repeat(300)), &"ü".repeat(200)),

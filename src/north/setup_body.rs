@@ -33,11 +33,11 @@ pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
 /// What the body of an order to write one parameter looks like, for people.
 pub const PARAMETER_EXAMPLE: &str = r#"{"raw": 100}"#;
 
-/// The word that `body` names; `None` unless it is an object with only that.
+/// The word, or the number in two words, that `body` names; `None` unless it is an object with only that.
 #[must_use]
-pub fn parameter_word(body: &[u8]) -> Option<u16> {
+pub fn parameter_number(body: &[u8]) -> Option<u32> {
     let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
-    object.get("raw").filter(|_| object.len() == 1)?.as_u64().and_then(|raw| u16::try_from(raw).ok())
+    object.get("raw").filter(|_| object.len() == 1)?.as_u64().and_then(|raw| u32::try_from(raw).ok())
 }
 
 #[cfg(test)]
@@ -46,9 +46,11 @@ mod tests {
 
     #[test]
     fn a_body_names_one_word() {
-        assert_eq!(parameter_word(PARAMETER_EXAMPLE.as_bytes()), Some(100));
-        for wrong in ["", "100", r#"{"raw": -1}"#, r#"{"raw": 65536}"#, r#"{"raw": "1"}"#, r#"{"raw": 1, "to": 2}"#] {
-            assert_eq!(parameter_word(wrong.as_bytes()), None, "{wrong}");
+        assert_eq!(parameter_number(PARAMETER_EXAMPLE.as_bytes()), Some(100));
+        for wrong in
+            ["", "100", r#"{"raw": -1}"#, r#"{"raw": 4294967296}"#, r#"{"raw": "1"}"#, r#"{"raw": 1, "to": 2}"#]
+        {
+            assert_eq!(parameter_number(wrong.as_bytes()), None, "{wrong}");
         }
     }
 

@@ -145,19 +145,32 @@ pub fn to_raw(value: f64, register: &Register) -> Result<u16, NoWord> {
     steps(value, register.scale, register.signed).map(|raw| (raw & 0xFFFF) as u16)
 }
 
+/// The same for a register of two words: the number that they hold.
+///
+/// # Errors
+/// The words cannot hold the value.
+pub fn to_both(value: f64, register: &Register) -> Result<u32, NoWord> {
+    let ends = if register.signed { (i32::MIN.into(), i32::MAX.into()) } else { (0, u32::MAX.into()) };
+    steps_within(value, register.scale, ends).map(|raw| (raw & 0xFFFF_FFFF) as u32)
+}
+
 /// Like [`to_raw`], but returns the number before encoding and needs no [`Register`].
 pub(super) fn steps(value: f64, scale: u32, signed: bool) -> Result<i32, NoWord> {
+    let ends = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
+    steps_within(value, scale, ends).map(|raw| raw as i32)
+}
+
+fn steps_within(value: f64, scale: u32, (least, most): (i64, i64)) -> Result<i64, NoWord> {
     if !value.is_finite() {
         return Err(NoWord::NotANumber);
     }
-    let (least, most): (i64, i64) = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
     let least = Scaled { raw: least, scale };
     let most = Scaled { raw: most, scale };
     if !(least.value()..=most.value()).contains(&value) {
         return Err(NoWord::OutOfRange { least, most });
     }
-    let raw = (value * f64::from(scale)).round() as i32;
-    if (Scaled { raw: raw.into(), scale }).value() != value {
+    let raw = (value * f64::from(scale)).round() as i64;
+    if (Scaled { raw, scale }).value() != value {
         return Err(NoWord::BetweenSteps { scale });
     }
     Ok(raw)

@@ -39,7 +39,7 @@ fn origins() -> [Origin; 4] {
 
 fn order() -> impl Strategy<Value = Order> {
     let go = |setpoint: Option<u16>, run: Option<Direction>, ramp: bool| {
-        let ramp = if ramp { vec![RegisterWrite { address: RAMP.into(), value: 30 }] } else { Vec::new() };
+        let ramp = if ramp { vec![RegisterWrite::new(RAMP, 30)] } else { Vec::new() };
         Order::Go(Go::new(ramp, setpoint.map(Hertz::from_centihertz), run).expect("not empty"))
     };
     let direction = prop_oneof![Just(Direction::Forward), Just(Direction::Reverse)];

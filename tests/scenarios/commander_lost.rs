@@ -168,7 +168,7 @@ fn a_parameter_takes_no_control() {
         drive.obey(now, &pdu);
     }
     rig.pass(Duration::from_secs(2));
-    let ramp = vfd_gateway::domain::command::RegisterWrite { address: 0x020C_u16.into(), value: 50 };
+    let ramp = vfd_gateway::domain::command::RegisterWrite::new(0x020C_u16, 50);
     let go = vfd_gateway::domain::command::Go::new(vec![ramp], None, None).unwrap();
     assert_eq!(rig.commanded(MQTT, Order::Go(go)).0, Outcome::Confirmed);
     assert_eq!(rig.view(0).control.unwrap().lease, None);

@@ -21,7 +21,7 @@ fn rig() -> Rig {
 }
 
 fn register(address: u16, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite { address: address.into(), value }], None, None).unwrap())
+    Order::Go(Go::new(vec![RegisterWrite::new(address, value)], None, None).unwrap())
 }
 
 #[test]

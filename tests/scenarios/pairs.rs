@@ -1,10 +1,11 @@
-//! A setpoint of two words: written and read back as one pair in one frame, never by half.
+//! Values of two words, setpoints and parameters: written and read back as one pair in one frame, never by half.
 
-use crate::support::families::{ready, refused, write};
+use crate::support::families::{accepting, listing, ready, refused, rig_of, write};
 use crate::support::{MQTT, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Outcome, Reason};
+use vfd_gateway::domain::command::{Direction, Go, Order, Outcome, Reason, RegisterWrite};
+use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::profile::check;
 use vfd_gateway::profile::model::Model;
@@ -14,6 +15,10 @@ const PAIRS: &str = include_str!("../golden/models/pairs.toml");
 const SETPOINT: u16 = 0x2004;
 /// 30 Hz in steps of 1/10000.
 const THIRTY: [u16; 2] = [4, 0x93E0];
+/// A stored parameter, the low word first.
+const RAMP: u16 = 0x2010;
+/// 1000 s in steps of 1/100.
+const THOUSAND: [u16; 2] = [0x86A0, 1];
 
 fn with(from: &str, to: &str) -> Arc<Model> {
     assert!(PAIRS.contains(from), "{from}");
@@ -24,9 +29,13 @@ fn pairs() -> Arc<Model> {
     with("", "")
 }
 
-/// The PDU that writes both words.
-fn block([first, second]: [u16; 2]) -> Vec<u8> {
-    let words = [SETPOINT, 2].into_iter().flat_map(u16::to_be_bytes);
+/// The PDU that writes both words of the setpoint.
+fn block(words: [u16; 2]) -> Vec<u8> {
+    block_at(SETPOINT, words)
+}
+
+fn block_at(address: u16, [first, second]: [u16; 2]) -> Vec<u8> {
+    let words = [address, 2].into_iter().flat_map(u16::to_be_bytes);
     let values = [first, second].into_iter().flat_map(u16::to_be_bytes);
     [0x10].into_iter().chain(words).chain([4]).chain(values).collect()
 }
@@ -76,9 +85,9 @@ fn an_unanswered_pair_is_read_and_not_sent_again() {
 fn half_a_pair_is_never_written() {
     let mut rig = ready(&pairs());
     for (address, values, reason) in [
-        (SETPOINT, &THIRTY[..1], Reason::NotUnderstood),
-        (SETPOINT + 1, &THIRTY[1..], Reason::NotListed),
-        (SETPOINT + 1, &[0, 0][..], Reason::NotListed),
+        (SETPOINT, &THIRTY[..1], Reason::HalfAValue),
+        (SETPOINT + 1, &THIRTY[1..], Reason::HalfAValue),
+        (SETPOINT + 1, &[0, 0][..], Reason::HalfAValue),
         (SETPOINT, &[9, 0xEB10][..], Reason::OutsideLimits),
     ] {
         assert_eq!(write(&mut rig, address, values), refused(reason), "{address:04X} {values:?}");
@@ -86,4 +95,46 @@ fn half_a_pair_is_never_written() {
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
     assert_eq!(write(&mut rig, SETPOINT, &THIRTY), NativeOutcome::Written);
     assert_eq!(rig.writes(), [block(THIRTY)]);
+}
+
+#[test]
+fn a_parameter_of_two_words_is_written_and_read_back_as_one() {
+    let mut rig = rig_of(&pairs(), listing(vec![RAMP]));
+    rig.live(SECOND * 3);
+    rig.sent.clear();
+    assert_eq!(write(&mut rig, RAMP, &THOUSAND), NativeOutcome::Written);
+    assert_eq!(rig.writes(), [block_at(RAMP, THOUSAND)]);
+    rig.pass(SECOND);
+    assert!(rig.sent.iter().any(|sent| sent.pdu == [3, 0x20, 0x10, 0, 2]), "both words in one read");
+    let ticket = rig.read(1, 0, RAMP, 2);
+    assert_eq!(rig.answer_to(ticket), NativeOutcome::Words(THOUSAND.as_slice().into()));
+    assert_eq!(rig.bus.drive_mut(Station(1)).unwrap().stored_writes(RAMP.into()), 1);
+    assert_eq!(write(&mut rig, RAMP, &[1, 0]), refused(Reason::WrittenTooOften));
+}
+
+#[test]
+fn half_of_a_parameter_is_refused_and_the_refusal_says_what_is_right() {
+    let mut rig = rig_of(&pairs(), listing(vec![RAMP, RAMP + 1]));
+    rig.live(SECOND * 3);
+    rig.sent.clear();
+    for (address, values) in [(RAMP, &THOUSAND[..1]), (RAMP + 1, &THOUSAND[1..]), (RAMP + 1, &[0, 0][..])] {
+        assert_eq!(write(&mut rig, address, values), refused(Reason::HalfAValue), "{address:04X} {values:?}");
+    }
+    let half = Order::Go(Go::new(vec![RegisterWrite::new(RAMP, 1)], None, None).unwrap());
+    assert_eq!(rig.commanded(MQTT, half), (Outcome::Refused, Reason::HalfAValue));
+    assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
+    let mut rig = rig_of(&pairs(), accepting());
+    assert_eq!(write(&mut rig, RAMP, &THOUSAND), refused(Reason::NotListed));
+    assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
+}
+
+#[test]
+fn a_parameter_whose_write_is_not_answered_is_read_and_not_sent_again() {
+    let mut rig = rig_of(&pairs(), listing(vec![RAMP]));
+    rig.live(SECOND * 3);
+    rig.sent.clear();
+    rig.swallows = Some(block_at(RAMP, THOUSAND));
+    let whole = Order::Go(Go::new(vec![RegisterWrite::pair(RAMP, THOUSAND)], None, None).unwrap());
+    assert_eq!(rig.commanded(MQTT, whole).0, Outcome::Failed, "the drive shows that it holds another pair");
+    assert_eq!(rig.writes(), [block_at(RAMP, THOUSAND)]);
 }

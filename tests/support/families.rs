@@ -136,7 +136,7 @@ pub fn address_of(model: &Model, role: Role) -> u16 {
 
 /// An order that sets one register.
 pub fn register(address: u16, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite { address: address.into(), value }], None, None).expect("not empty"))
+    Order::Go(Go::new(vec![RegisterWrite::new(address, value)], None, None).expect("not empty"))
 }
 
 /// Writes registers as a client of native units does, and waits for the answer.

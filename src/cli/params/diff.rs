@@ -133,12 +133,15 @@ pub fn plan(wanted: &Dump, live: &Dump, known: &[ListedParameter], with_link: bo
 mod tests {
     use super::*;
 
-    fn parameter(address: u16, raw: u16) -> Parameter {
+    fn parameter(address: u16, raw: u32) -> Parameter {
         Parameter { code: format!("P{address}"), address, raw, text: None, title: String::new() }
     }
 
     fn dump(values: &[(u16, u16)]) -> Dump {
-        Dump { parameters: values.iter().map(|(address, raw)| parameter(*address, *raw)).collect(), ..Dump::default() }
+        Dump {
+            parameters: values.iter().map(|(address, raw)| parameter(*address, (*raw).into())).collect(),
+            ..Dump::default()
+        }
     }
 
     fn known(address: u16, kind: &str) -> ListedParameter {

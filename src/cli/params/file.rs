@@ -40,9 +40,9 @@ pub struct Parameter {
     pub code: String,
     /// Its address on the wire.
     pub address: u16,
-    /// The word.
-    pub raw: u16,
-    /// The word in its unit, or its meaning; `None` for a plain number.
+    /// The word, or the number in two words.
+    pub raw: u32,
+    /// It in its unit, or its meaning; `None` for a plain number.
     pub text: Option<String>,
     /// Its title.
     pub title: String,
@@ -253,7 +253,7 @@ mod tests {
         for (old, new, told) in [
             ("[drive]", "[drives]", "no `drives`"),
             ("model = ", "modell = ", "drive.model is missing"),
-            ("raw = 100", "raw = 65536", "parameter[0].raw is not a number in its range"),
+            ("raw = 100", "raw = 4294967296", "parameter[0].raw is not a number in its range"),
             ("raw = 100", "raw = \"x\"", "parameter[0].raw"),
             ("address = 0x0211", "address = 0x020C", "0x020C occurs twice"),
             ("[[unreadable]]\ncode = \"F9\"\n", "[[unreadable]]\n", "unreadable[0].code"),

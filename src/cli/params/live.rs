@@ -182,7 +182,7 @@ impl Live {
 
     fn told(known: &ListedParameter, seen: &Value) -> Result<Parameter, Unreadable> {
         let found = &seen["found"];
-        let Some(raw) = found["raw"].as_u64().and_then(|raw| u16::try_from(raw).ok()) else {
+        let Some(raw) = found["raw"].as_u64().and_then(|raw| u32::try_from(raw).ok()) else {
             let exception = seen["exception"].as_u64().map(|code| format!(" (exception {code:02X})"));
             let reason = format!("{}{}", seen["message"].as_str().unwrap_or("?"), exception.unwrap_or_default());
             return Err(Unreadable { code: known.code.clone(), address: known.address, reason });
@@ -222,7 +222,7 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer: the outcome is unknown.
-    pub async fn write(&self, address: u16, raw: u16) -> Result<Option<String>, Failure> {
+    pub async fn write(&self, address: u16, raw: u32) -> Result<Option<String>, Failure> {
         let path = self.path(Some(address));
         let body = json!({ "raw": raw });
         let done = self.ask(Question { method: Method::POST, path: &path, body: Some(&body) }).await?;

@@ -3,7 +3,7 @@
 
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
-use super::setup::{outcome, seen};
+use super::setup::{outcome, shown_or_why_not, word};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
@@ -11,7 +11,7 @@ use crate::domain::address::Address;
 use crate::domain::address::Table;
 use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::drive::view::RunState;
-use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_word};
+use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_number};
 use crate::north::shown::run_state;
 use crate::profile::model::{Group, Model, Register, Role};
 use axum::Router;
@@ -84,8 +84,7 @@ fn left_out(model: &Model) -> Vec<Value> {
 
 /// A group of parameters, including those that the model does not describe: the drive may or may not have them.
 fn others(model: &Model, group: &Group) -> Value {
-    let unknown =
-        model.addresses_of(group).filter(|address| model.register_at(*address).is_none()).map(Address::number);
+    let unknown = model.addresses_of(group).filter(|address| !model.has_word_at(*address)).map(Address::number);
     json!({ "name": group.name, "unknown": unknown.collect::<Vec<_>>() })
 }
 
@@ -96,16 +95,17 @@ async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(S
     let model = &drive.description.model;
     let register = readable(&drive, address);
     // What no register stands for is read as the number that it is, where it lies in a group of parameters.
-    let in_group = model.code_in_group(address.into()).filter(|_| model.register_at(address).is_none());
+    let in_group = model.code_in_group(address.into()).filter(|_| !model.has_word_at(address.into()));
     let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else { return no_parameter(&name, address) };
     // Some drives do not answer for a parameter that they do not have and would count as silent: not while the motor
     // turns.
     let at_rest = matches!(run_state(&drive.view.load()), RunState::Stopped | RunState::Tripped);
     let found = match register {
         None if !at_rest => Err(Report::refused(Reason::Moving)),
-        _ => side.read(drive.description.place, address.into(), clock::now() + READ_WITHIN).await,
+        _ => read(&side, &drive, address).await,
     };
-    let mut shown = seen(register, Some(&found));
+    let held = found.as_ref().ok().map(|held| number(register, *held));
+    let mut shown = shown_or_why_not(held, found.as_ref().err());
     shown.insert("address".to_owned(), address.into());
     shown.insert("code".to_owned(), code.into());
     answer(&shown.into()).into_response()
@@ -115,7 +115,7 @@ async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(S
 async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>, body: Bytes) -> Response {
     let Some(place) = side.place() else { return too_many(&name) };
     let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
-    let Some(word) = parameter_word(&body) else {
+    let Some(raw) = parameter_number(&body) else {
         return not_understood(&name, format!("a body such as {PARAMETER_EXAMPLE} is expected"));
     };
     if readable(&drive, address).is_none() {
@@ -124,7 +124,7 @@ async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(St
     // A client that disconnects does not cancel the order; its outcome is logged.
     let carried_out = tokio::spawn(async move {
         let _place = place;
-        write(&side, &drive, address, word).await
+        write(&side, &drive, address, raw).await
     });
     match carried_out.await {
         Ok(done) => answer(&done).into_response(),
@@ -142,23 +142,56 @@ fn no_parameter(name: &str, address: u16) -> Response {
     (StatusCode::UNPROCESSABLE_ENTITY, answer(&refusal)).into_response()
 }
 
+/// The number that the drive holds at `address`: both words of a value of two.
+async fn read(side: &LocalSide, drive: &SharedDrive, address: u16) -> Result<u32, Report> {
+    let register = readable(drive, address);
+    let count = register.map_or(1, |register| register.form.words());
+    let deadline = clock::now() + READ_WITHIN;
+    let words = side.read_words(drive.description.place, address.into(), count, deadline).await?;
+    match (register.and_then(|register| register.form.pair), &words[..]) {
+        (Some(order), [first, second]) => Ok(order.number([*first, *second])),
+        (None, [word]) => Ok(u32::from(*word)),
+        _ => Err(Report::refused(Reason::NoReply)),
+    }
+}
+
+/// The number and its meaning, if it is more than a number.
+fn number(register: Option<&Register>, raw: u32) -> Value {
+    let of_two = register.and_then(|register| Some((register, register.form.pair?)));
+    let Some((register, order)) = of_two else { return word(register, (raw & 0xFFFF) as u16) };
+    let words = order.words(raw);
+    let value = register.value(|address| address.word_in(register.address, &words));
+    json!({ "raw": raw, "text": value.map(|value| format!("{value} {}", register.unit)) })
+}
+
+/// The write of `raw` to the register at `address`; `None` if its words do not hold that.
+fn written(model: &Model, address: u16, raw: u32) -> Option<RegisterWrite> {
+    match model.writable_at(address).and_then(|register| register.form.pair) {
+        Some(order) => Some(RegisterWrite::pair(address, order.words(raw))),
+        None => Some(RegisterWrite::new(address, u16::try_from(raw).ok()?)),
+    }
+}
+
 /// The old value is read first, because it is logged.
-async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, word: u16) -> Value {
+async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) -> Value {
     let description = &drive.description;
     let model = &*drive.description.model;
     let name = description.name.as_str();
     let place = description.place;
-    let old = match side.read(place, address.into(), clock::now() + READ_WITHIN).await {
+    let old = match read(side, drive, address).await {
         Ok(old) => old,
         Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
     };
-    let Some(go) = Go::new(vec![RegisterWrite { address: address.into(), value: word }], None, None) else {
+    let Some(write) = written(model, address, new) else {
+        return outcome(name, Report::refused(Reason::OutsideRange), Vec::new());
+    };
+    let Some(go) = Go::new(vec![write], None, None) else {
         return outcome(name, Report::refused(Reason::NotUnderstood), Vec::new());
     };
     let report = side.command(Who::TOOL, place, Order::Go(go)).await;
     let what = model.register_at(address).map_or("-", Register::label);
     let result = report.outcome.word();
     let reason = report.reason.word();
-    tracing::info!(drive = name, by = %Owner::Local, what, old, new = word, outcome = result, reason, "parameter set");
-    outcome(name, report, vec![json!({ "what": what, "address": address, "old": old, "new": word })])
+    tracing::info!(drive = name, by = %Owner::Local, what, old, new, outcome = result, reason, "parameter set");
+    outcome(name, report, vec![json!({ "what": what, "address": address, "old": old, "new": new })])
 }

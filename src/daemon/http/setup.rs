@@ -164,7 +164,11 @@ fn shown_watchdog<'f>(
 /// The word that was read, or why it could not be.
 pub(super) fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
     let failure = found.and_then(|found| found.as_ref().err());
-    let word = found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held));
+    shown_or_why_not(found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held)), failure)
+}
+
+/// A value that was read, or why it could not be.
+pub(super) fn shown_or_why_not(word: Option<Value>, failure: Option<&Report>) -> Map<String, Value> {
     let keys = [
         ("found", word.unwrap_or(Value::Null)),
         ("reason", failure.map(|report| report.reason.word()).into()),

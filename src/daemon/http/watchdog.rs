@@ -26,7 +26,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
         Ok(old) => old,
         Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
     };
-    let Some(go) = Go::new(vec![RegisterWrite { address, value }], None, None) else {
+    let Some(go) = Go::new(vec![RegisterWrite::new(address, value)], None, None) else {
         return refused(Reason::NotUnderstood);
     };
     let report = side.command(Who::TOOL, place, Order::Go(go)).await;

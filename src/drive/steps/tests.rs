@@ -67,7 +67,7 @@ fn run_is_shown_by_the_status_word_where_there_is_one() {
 
 #[test]
 fn a_register_is_read_back() {
-    let ramp = RegisterWrite { address: 0x020C_u16.into(), value: 100 };
+    let ramp = RegisterWrite::new(0x020C_u16, 100);
     let steps =
         of_go(&model(), &Go::new(vec![ramp], None, None).unwrap(), &control(), None, &Bases::default()).unwrap();
     let shown = Condition::holds(0x020C_u16.into(), vec![100], Duration::ZERO);

@@ -349,7 +349,7 @@ fn a_check_that_fails_writes_nothing() {
 fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
     let model = model();
     let forward = Some(Direction::Forward);
-    let ramp = Order::Go(Go::new(vec![RegisterWrite { address: 0x020C_u16.into(), value: 7 }], None, None).unwrap());
+    let ramp = Order::Go(Go::new(vec![RegisterWrite::new(0x020C_u16, 7)], None, None).unwrap());
     for (old, new, replaced) in [
         (go(Some(2000), None), go(Some(2500), None), true),
         (go(Some(2000), None), go(Some(2500), forward), true),

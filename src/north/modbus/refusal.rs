@@ -29,6 +29,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         Reason::NotListed => exception::ILLEGAL_DATA_ADDRESS,
         Reason::NotUnderstood
         | Reason::NotANumber
+        | Reason::HalfAValue
         | Reason::OutsideLimits
         | Reason::OutsideRange
         | Reason::BetweenSteps
@@ -124,6 +125,7 @@ mod tests {
         6, 6, 6, 6, 6, 1, 6, 6, // line_quality, starts_too_often, ... no_take, removed, stop_refused
         11, 6, 6, 1, 6, // clock_ahead, precondition, other_drive, not_over_bus, full_scale_unknown
         6, 4, 4, 4, // drive_busy, drive_locked, drive_in_trip, not_ready
+        6, 3, // sign_unknown, half_a_value
     ];
 
     #[test]

@@ -55,7 +55,7 @@ fn refused(reason: &str) -> (String, String) {
 
 #[test]
 fn each_input_becomes_its_order() {
-    let acceleration = RegisterWrite { address: 0x020C_u16.into(), value: 105 };
+    let acceleration = RegisterWrite::new(0x020C_u16, 105);
     let table: [(&str, &[u8], Order); 9] = [
         ("run/set", b"forward", go(vec![], None, Some(Direction::Forward))),
         ("run/set", b" STOP ", STOP),

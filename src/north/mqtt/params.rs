@@ -4,7 +4,7 @@ use super::payload::{Refused, short};
 use crate::domain::command::{Reason, RegisterWrite};
 use crate::domain::problem::nearest;
 use crate::profile::model::{Model, Register, Role};
-use crate::profile::scale::{NoWord, to_raw};
+use crate::profile::scale::{NoWord, to_both, to_raw};
 
 /// The name of a register in topics and results: the vendor's code, else its name.
 pub(super) fn label(register: &Register) -> &str {
@@ -39,8 +39,11 @@ pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWri
         let message = format!("`{}` has an input of its own: `{input}`", label(register));
         return Err(Refused::new(Reason::NotListed, message));
     }
-    let word = to_raw(value, register).map_err(|why| no_word(why, register))?;
-    Ok(RegisterWrite { address: register.address, value: word })
+    let refused = |why| no_word(why, register);
+    Ok(match register.form.pair {
+        Some(order) => RegisterWrite::pair(register.address, order.words(to_both(value, register).map_err(refused)?)),
+        None => RegisterWrite::new(register.address, to_raw(value, register).map_err(refused)?),
+    })
 }
 
 /// The input of a register that is written only by orders.
@@ -81,7 +84,7 @@ mod tests {
     fn registers_are_found_by_code_in_any_case_or_by_name() {
         let model = model();
         for code in ["F007", "f007", "acceleration_time"] {
-            assert_eq!(write(&model, code, 10.5), Ok(RegisterWrite { address: 0x020C_u16.into(), value: 105 }));
+            assert_eq!(write(&model, code, 10.5), Ok(RegisterWrite::new(0x020C_u16, 105)));
         }
     }
 

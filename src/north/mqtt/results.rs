@@ -1,7 +1,7 @@
 //! Results: the outcome of a command, as its client reads it.
 
 use super::params::label;
-use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
+use crate::domain::command::{Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::north::broker::{Publication, Qos};
 use crate::profile::model::{Model, Register, Role};
 use crate::profile::scale::Scaled;
@@ -97,14 +97,14 @@ const fn publication(topic: String, payload: Vec<u8>, correlation: Option<Vec<u8
 pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<String, Value> {
     let Order::Go(go) = order else { return Map::new() };
     let is_confirmed = report.outcome == Outcome::Confirmed;
-    let registers: Vec<_> = go.registers().iter().map(|it| (model.writable_at(it.address), it.value)).collect();
+    let registers: Vec<_> = go.registers().iter().map(|it| (model.writable_at(it.address), *it)).collect();
     if is_confirmed {
         let frequency = go.frequency().map(|hertz| ("frequency_hz".to_owned(), json!(hertz.as_f64())));
-        let registers = registers.iter().filter_map(|(register, word)| Some(named((*register)?, *word)));
+        let registers = registers.iter().filter_map(|(register, write)| named_as_written((*register)?, *write));
         return frequency.into_iter().chain(registers).collect();
     }
     let kept = match (report.held, go.frequency(), go.run(), &registers[..]) {
-        (Some(held), None, None, [(Some(register), _)]) => Some(named(register, held)),
+        (Some(held), None, None, [(Some(register), write)]) if write.second.is_none() => Some(named(register, held)),
         (Some(held), Some(_), None, []) => kept_frequency(model, held),
         _ => None,
     };
@@ -115,6 +115,15 @@ fn kept_frequency(model: &Model, held: u16) -> Option<(String, Value)> {
     // A fraction means nothing without its full scale.
     let register = model.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
     Some(("frequency_hz".to_owned(), json!(Scaled::from_word(held, register).value())))
+}
+
+/// The value that was written to a register, under its label.
+fn named_as_written(register: &Register, write: RegisterWrite) -> Option<(String, Value)> {
+    if write.second.is_none() {
+        return Some(named(register, write.value));
+    }
+    let value = register.value(|address| write.words().find(|(it, _)| *it == address).map(|(_, word)| word))?;
+    Some((label(register).to_owned(), json!(value.value())))
 }
 
 /// A register's value under its label.

@@ -54,7 +54,7 @@ fn role(register: &RegisterFile) -> Option<Role> {
     register.role.valid().map(|role| role.value)
 }
 
-/// Two words have an order, are read in one frame, and are not written.
+/// Two words have an order, and are read in one frame.
 fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let form = &register.form;
     let Some(Spanned { location, .. }) = form.words.valid().filter(|words| words.value == 2) else {
@@ -120,33 +120,36 @@ fn is_contiguous(mask: u16) -> bool {
 /// What is more than one whole word is not written.
 fn parts_are_only_read(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let form = &register.form;
-    let is_setpoint = role(register) == Some(Role::FrequencyCommand);
-    if form.is_pair() && is_setpoint {
+    if form.is_pair() && register.access.as_ref().is_some_and(|access| access.value.can_write()) {
         pair_is_written_whole(register, file, problems);
     }
-    let is_more = (form.is_pair() && !is_setpoint)
-        || form.mask.valid().is_some()
+    let is_more = form.mask.valid().is_some()
         || form.exponent_mask.valid().is_some()
         || form.scale_by.valid().is_some()
         || !form.plus.is_empty();
     let written = register.access.as_ref().filter(|access| is_more && access.value != Access::Read);
     if let Some(access) = written {
-        let what = "a field, a sum, a scale from elsewhere, or two words that are no setpoint, can only be read";
+        let what = "a field, a sum or a scale from elsewhere can only be read";
         tell(&access.location, what, "\"read\"", problems);
     }
 }
 
-/// A setpoint of two words is a plain number, and goes out in one frame.
+/// What is written as two words is a plain number, and goes out in one frame. A setpoint has no sign.
 fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let Some(words) = register.form.words.valid() else { return };
     let serves = file.functions.value.as_ref().is_none_or(|served| served.value.contains(&function::WRITE_MULTIPLE));
-    if !serves && register.access.as_ref().is_some_and(|access| access.value.can_write()) {
+    if !serves {
         let what = "both words are written in one frame by function 10 hex, which is not served";
-        tell(&words.location, what, "0x10 in `functions` if the manual names it", problems);
+        tell(&words.location, what, "0x10 in `functions` if the manual names it, or access \"read\"", problems);
     }
     let has_ratio = register.scale.valid().is_some_and(|scale| scale.value.per != 1);
-    if register.signed.or(false) == Some(true) || has_ratio || register.form.full_scale.valid().is_some() {
-        let what = "a setpoint of two words is a number without a sign and with a plain scale";
+    let is_setpoint = role(register) == Some(Role::FrequencyCommand);
+    let has_sign = is_setpoint && register.signed.or(false) == Some(true);
+    if has_sign || has_ratio || register.form.full_scale.valid().is_some() {
+        let what = match is_setpoint {
+            true => "a setpoint of two words is a number without a sign and with a plain scale",
+            false => "what is written as two words is a number with a plain scale",
+        };
         tell(&words.location, what, "one word, or leave out `signed` and `full_scale`", problems);
     }
 }
@@ -332,10 +335,42 @@ mod tests {
             (
                 "role = \"frequency-command\"",
                 "role = \"acceleration-time\"",
-                "access: a field, a sum, a scale from elsewhere, or two words that are no setpoint, can only be read",
+                "role: a register with this role is one word with a plain scale",
             ),
         ] {
             let found = told_with(pairs, from, to);
+            assert!(found.contains(expected), "{to}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_of_two_words_is_written_as_a_plain_number() {
+        let pairs = include_str!("../../../tests/golden/models/pairs.toml");
+        let ramp = "scale = 100\nunit = \"s\"";
+        let of = |keys: &str| format!("{keys}\nunit = \"s\"");
+        let served = ("[0x03, 0x06, 0x10]", "[0x03, 0x06]");
+        let without = pairs.replacen("words = 2\nword_order = \"high-first\"\nscale = 10000", "scale = 100", 1);
+        for (text, from, to, expected) in [
+            (
+                without.as_str(),
+                served.0,
+                served.1.to_owned(),
+                "words: both words are written in one frame by function 10 hex",
+            ),
+            (
+                pairs,
+                ramp,
+                of("scale = { steps = 3, per = 2 }"),
+                "words: what is written as two words is a number with a plain",
+            ),
+            (
+                pairs,
+                ramp,
+                of("scale = 100\nmask = 0x00FF"),
+                "access: a field, a sum or a scale from elsewhere can only be read",
+            ),
+        ] {
+            let found = told_with(text, from, &to);
             assert!(found.contains(expected), "{to}: {found}");
         }
     }
@@ -347,8 +382,8 @@ mod tests {
             let model = MODEL.replace("output-frequency", role);
             let written = |keys: &str| told_with(&model, "scale = 100\n", &format!("{keys}\n"));
             assert!(written("scale = { steps = 3, per = 2 }").contains(refusal), "{role}");
-            let of_two = written("words = 2\nword_order = \"high-first\"");
-            assert_eq!(of_two.contains(refusal), role.ends_with("code"), "{role}: {of_two}");
+            let pair = model.replace("scale = 100\n", "words = 2\nword_order = \"high-first\"\n");
+            assert_eq!(crate::profile::check::model(&pair).is_ok(), role.ends_with("bits"), "{role}");
             crate::profile::check::model(&model.replace("scale = 100\n", "mask = 0x00FF\n")).unwrap();
         }
     }

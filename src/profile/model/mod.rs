@@ -221,14 +221,27 @@ impl Model {
     #[must_use]
     pub fn is_stored(&self, address: impl Into<Address>) -> bool {
         let address = address.into();
-        let is_second = |it: &&Register| it.form.pair.is_some() && it.address.checked_add(1) == Some(address);
-        let second = || self.registers.iter().filter(|register| register.access.can_write()).find(is_second);
+        let second = || self.second_word_at(address);
         let register = self.writable_at(address).or_else(|| self.register_at(address)).or_else(second);
         let Some(register) = register else { return true };
         match register.memory {
             Some(memory) => memory == Memory::Stored,
             None => !register.role.is_some_and(Role::is_guarded),
         }
+    }
+
+    /// Whether a register holds the word at `address`, alone or as the second of two.
+    #[must_use]
+    pub fn has_word_at(&self, address: Address) -> bool {
+        let holds = |it: &Register| address.offset_from(it.address).is_some_and(|offset| offset < it.form.words());
+        self.registers.iter().any(holds)
+    }
+
+    /// The register of two words that can be written and whose second word is at `address`.
+    #[must_use]
+    pub fn second_word_at(&self, address: Address) -> Option<&Register> {
+        let is_second = |it: &&Register| it.form.pair.is_some() && it.address.checked_add(1) == Some(address);
+        self.registers.iter().filter(|register| register.access.can_write()).find(is_second)
     }
 
     /// How long the drive hears nothing after a write of the register at `address`, or of its stored twin.

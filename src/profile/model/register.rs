@@ -255,7 +255,17 @@ impl Register {
     /// Whether `word` lies within the register's range, if a range is known.
     #[must_use]
     pub fn takes(&self, word: u16) -> bool {
-        let raw = self.number_in(word);
+        self.takes_number(self.number_in(word))
+    }
+
+    /// The same for both words of a value.
+    #[must_use]
+    pub fn takes_both(&self, words: [u16; 2]) -> bool {
+        let number = self.number(|address| address.word_in(self.address, &words));
+        number.is_some_and(|number| self.takes_number(number))
+    }
+
+    fn takes_number(&self, raw: i64) -> bool {
         self.range.as_ref().is_none_or(|range| (i64::from(*range.start())..=i64::from(*range.end())).contains(&raw))
     }
 }

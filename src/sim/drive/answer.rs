@@ -214,11 +214,18 @@ impl SimDrive {
         self.model.registers.iter().position(is_it)
     }
 
-    /// Takes a setpoint of two words, never half of it.
+    /// Takes a value of two words, never half of it.
     fn write_pair(&mut self, at: MonoTime, index: usize, values: &[u16]) -> Result<(), Denied> {
         let words = <[u16; 2]>::try_from(values).map_err(|_| Denied::Request(Objection::Quantity))?;
         let register = &self.model.registers[index];
         let number = register.form.pair.map_or(0, |order| order.number(words));
+        if register.role != Some(Role::FrequencyCommand) {
+            if !register.takes_both(words) {
+                return Err(Denied::Refused(Objection::Value));
+            }
+            self.take_number(MemoryAddress { index, is_twin: false }, number);
+            return Ok(());
+        }
         let micro = self.micro_of_number(register, number.into());
         self.take_setpoint(at, micro).map_err(Denied::Refused)
     }

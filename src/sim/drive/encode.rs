@@ -43,9 +43,9 @@ impl SimDrive {
     fn parts(&self, at: MonoTime, index: usize) -> (i128, Vec<u16>) {
         let register = &self.model.registers[index];
         let Some(micro) = self.measured(at, register) else {
-            let bits = register.role.filter(|_| register.form.pair.is_some()).and_then(|role| self.bits(role));
-            if let Some(bits) = bits {
-                return (bits.into(), Vec::new());
+            if register.form.pair.is_some() {
+                let bits = register.role.and_then(|role| self.bits(role));
+                return (bits.unwrap_or_else(|| self.memory.number(index)).into(), Vec::new());
             }
             return (self.held(at, index).into(), vec![0; register.form.plus.len()]);
         };

@@ -9,11 +9,11 @@ use crate::profile::model::{Access, Memory as Kind, Model, OrderKind, Register, 
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
-/// The words of the model's registers, in the model's order.
+/// The words of the model's registers, in the model's order; of a register with two words the number in them.
 #[derive(Clone, Debug)]
 pub(super) struct Memory {
-    now: Vec<u16>,
-    stored: Vec<u16>,
+    now: Vec<u32>,
+    stored: Vec<u32>,
     stored_writes: Vec<u64>,
 }
 
@@ -27,34 +27,44 @@ pub(super) struct MemoryAddress {
 
 impl Memory {
     pub(super) fn new(model: &Model, options: &DriveOptions) -> Self {
-        let now: Vec<_> = model.registers.iter().map(|register| first_word(model, register, options)).collect();
+        let now: Vec<_> = model.registers.iter().map(|register| first_word(model, register, options).into()).collect();
         Self { stored: now.clone(), stored_writes: vec![0; now.len()], now }
     }
 
     pub(super) fn word(&self, index: usize) -> u16 {
+        (self.now[index] & 0xFFFF) as u16
+    }
+
+    /// The number in one word or two.
+    pub(super) fn number(&self, index: usize) -> u32 {
         self.now[index]
     }
 
     /// Holds `word` until power-off.
     pub(super) fn hold(&mut self, index: usize, word: u16) {
-        self.now[index] = word;
+        self.now[index] = word.into();
     }
 
     /// Holds and stores `word`, as the drive's own panel does.
     pub(super) fn keep(&mut self, index: usize, word: u16) {
-        (self.now[index], self.stored[index]) = (word, word);
+        self.keep_number(index, word.into());
     }
 
-    /// Takes `word` from the bus. A stored twin is the same value, so a write to it takes effect at once.
-    pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, word: u16) {
+    fn keep_number(&mut self, index: usize, number: u32) {
+        (self.now[index], self.stored[index]) = (number, number);
+    }
+
+    /// Takes `number` from the bus. A stored twin is the same value, so a write to it takes effect at once.
+    pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, number: u32) {
         let MemoryAddress { index, is_twin } = place;
         // A run command is not restored at power-up unless a document says that it is stored.
         let is_order =
             matches!(register.role, Some(Role::RunCommand | Role::Order)) && register.memory != Some(Kind::Stored);
         if (is_order || register.memory == Some(Kind::Ram)) && !is_twin {
-            return self.hold(index, word);
+            self.now[index] = number;
+            return;
         }
-        self.keep(index, word);
+        self.keep_number(index, number);
         // An undocumented setpoint is restored at power-up, but does not count as wear.
         let is_unknown = register.role == Some(Role::FrequencyCommand) && register.memory.is_none();
         self.stored_writes[index] += u64::from(!is_unknown);

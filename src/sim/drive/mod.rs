@@ -279,8 +279,12 @@ impl SimDrive {
 
     /// Holds `word` from the bus and counts the write if it is stored.
     fn take(&mut self, place: MemoryAddress, word: u16) {
+        self.take_number(place, word.into());
+    }
+
+    fn take_number(&mut self, place: MemoryAddress, number: u32) {
         let before = self.memory.stored_writes(place.index);
-        self.memory.take(&self.model.registers[place.index], place, word);
+        self.memory.take(&self.model.registers[place.index], place, number);
         self.report.stored_writes += self.memory.stored_writes(place.index) - before;
     }
 
