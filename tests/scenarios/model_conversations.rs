@@ -275,7 +275,8 @@ impl Told {
     fn value(&self, register: &Register, word: impl Fn(Address) -> Option<u16>) -> Option<String> {
         let snapshot = self.rig.view(0).snapshot;
         let polled = |at: Address| snapshot.reading(at).map(|reading| reading.raw);
-        let value = register.value(|at| word(at).or_else(|| polled(at)).or_else(|| self.last.get(&at).copied()))?.value();
+        let value =
+            register.value(|at| word(at).or_else(|| polled(at)).or_else(|| self.last.get(&at).copied()))?.value();
         let unit = register.unit.symbol();
         let digits = usize::from(register.digits());
         Some(if unit == "-" { format!("{value:.digits$}") } else { format!("{value:.digits$} {unit}") })
