@@ -116,7 +116,7 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 63] = [
+    const CODES: [u8; 65] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
