@@ -25,6 +25,7 @@
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
 //! | `documents` | the reference lists every command, option and key, and the links of all documents lead somewhere |
 //! | `guides` | the guides under `docs/` do as they say |
+//! | `initialising` | `init`: from a line of unknown drives to a gateway that serves them |
 //! | `new_models` | `models new`: from answers, with a drive that is read meanwhile, from a device template |
 //! | `manual` | completions, manual pages and `map` |
 //! | `containers` | what the Dockerfile and its guide say of the program is true |
@@ -142,6 +143,8 @@ mod half_open;
 mod hanging;
 #[path = "process/home_assistant.rs"]
 mod home_assistant;
+#[path = "process/initialising.rs"]
+mod initialising;
 #[path = "process/journal.rs"]
 mod journal;
 #[path = "process/liars.rs"]

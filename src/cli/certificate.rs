@@ -22,7 +22,7 @@ const AUTHORITY: &str = "authority.crt";
 const AUTHORITY_KEY: &str = "authority.key";
 /// The key and the certificate of the page, with the authority behind it. One file, so that a renewal replaces all of it
 /// at once.
-const PAGE: &str = "page.pem";
+pub(super) const PAGE: &str = "page.pem";
 /// Days in milliseconds.
 const DAY_MS: i64 = 86_400_000;
 
@@ -48,6 +48,13 @@ pub struct Args {
     port: u16,
 }
 
+/// Makes a certificate for this host in `dir`, for a page on `port`, and returns what is to be done with it.
+pub(super) fn make_certificate(dir: &Path, names: &[String], port: u16) -> Result<String, Failure> {
+    let now = clock::wall();
+    let names = if names.is_empty() { own_names() } else { names.to_vec() };
+    renewed(dir, &names, now, CERTIFICATE_DAYS_MAX, port)
+}
+
 /// Makes or renews the certificate in `args.dir`, with an authority if there is none yet.
 pub fn certificate(args: &Args) -> Result<(), Failure> {
     let now = clock::wall();
@@ -63,12 +70,17 @@ pub fn certificate(args: &Args) -> Result<(), Failure> {
         (_, Some(last)) => last.names,
         _ => own_names(),
     };
-    make_directory(&args.dir)?;
-    let (authority, own) = open_or_generate(&args.dir, &names, now)?;
-    let page = issue(&authority, &own, &names, now, args.days)?;
-    let file = args.dir.join(PAGE);
+    print(&renewed(&args.dir, &names, now, args.days, args.port)?)
+}
+
+/// The certificate for `names`, with what is to be done with it.
+fn renewed(dir: &Path, names: &[String], now: WallTime, days: i64, port: u16) -> Result<String, Failure> {
+    make_directory(dir)?;
+    let (authority, own) = open_or_generate(dir, names, now)?;
+    let page = issue(&authority, &own, names, now, days)?;
+    let file = dir.join(PAGE);
     whole_files::replace(&file, page.as_bytes(), Readers::Group).map_err(|error| at(&file, error))?;
-    print(&report(args, &own, &names, last_or_fail(&file)?.until)?)
+    report(dir, port, names, last_or_fail(&file)?.until)
 }
 
 /// Facts of the certificate in `file`; `None` if there is no such file.
@@ -153,14 +165,11 @@ fn own_address() -> Option<IpAddr> {
     socket.local_addr().ok().map(|address| address.ip()).filter(|address| !address.is_loopback())
 }
 
-fn report(args: &Args, own: &str, names: &[String], until: WallTime) -> Result<String, Failure> {
-    let dir = args.dir.canonicalize().unwrap_or_else(|_| args.dir.clone());
+fn report(dir: &Path, port: u16, names: &[String], until: WallTime) -> Result<String, Failure> {
+    let dir = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let file = dir.join(PAGE);
-    let own = pem_files::certificates(&dir.join(AUTHORITY)).map_err(Failure::failed).and_then(|chain| {
-        let own = chain.into_iter().next().ok_or_else(|| Failure::failed(own))?;
-        authority::facts(&own).map_err(Failure::failed)
-    })?;
-    let url = format!("https://{}:{}/authority.crt", host(names), args.port);
+    let own = last_or_fail(&dir.join(AUTHORITY))?;
+    let url = format!("https://{}:{port}/authority.crt", host(names));
     let mut text = String::new();
     let _ = write!(
         text,

@@ -116,6 +116,16 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     }
 }
 
+/// `seconds` in the two largest units of days, hours, minutes and seconds.
+fn span(seconds: u64) -> String {
+    match seconds {
+        0..60 => format!("{seconds} s"),
+        60..3600 => format!("{} min {} s", seconds / 60, seconds % 60),
+        3600..86_400 => format!("{} h {} min", seconds / 3600, seconds / 60 % 60),
+        _ => format!("{} d {} h", seconds / 86_400, seconds / 3600 % 24),
+    }
+}
+
 /// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &Value) -> String {
     fn word<'a>(of: &'a Value, key: &str) -> &'a str {
@@ -123,8 +133,8 @@ fn report(health: &Value) -> String {
     }
     let items = |key: &str| health[key].as_array().into_iter().flatten();
     let mut text = String::new();
-    let uptime = health["uptime_seconds"].as_u64().unwrap_or(0);
-    let _ = writeln!(text, "gateway {}: version {}, up {uptime} s", word(health, "gateway"), word(health, "version"));
+    let uptime = span(health["uptime_seconds"].as_u64().unwrap_or(0));
+    let _ = writeln!(text, "gateway {}: version {}, up {uptime}", word(health, "gateway"), word(health, "version"));
     for line in items("lines") {
         let reason = line["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
         let _ = writeln!(text, "line {}: {}{reason}", word(line, "name"), word(line, "state"));
@@ -170,4 +180,18 @@ fn report(health: &Value) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_are_in_units_that_people_use() {
+        let spans =
+            [(59, "59 s"), (60, "1 min 0 s"), (3599, "59 min 59 s"), (86_399, "23 h 59 min"), (200_000, "2 d 7 h")];
+        for (seconds, text) in spans {
+            assert_eq!(span(seconds), text);
+        }
+    }
 }

@@ -12,7 +12,7 @@ const SOURCE: &str = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSIO
 /// Arguments of `man`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Write the pages of the program and of each command to this directory, which must exist
+    /// Write the pages of the program and of each command to this directory, which is made if its parent exists
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
 }
@@ -23,6 +23,12 @@ pub fn man(args: &Args, command: Command) -> Result<(), Failure> {
     let mut command = command.disable_help_subcommand(true);
     command.build();
     if let Some(dir) = &args.dir {
+        match std::fs::create_dir(dir) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+                return Err(Failure::failed(format!("{}: {error}", dir.display())));
+            }
+            _ => (),
+        }
         return write_all(&command, dir).map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
     }
     let mut page = Vec::new();

@@ -12,6 +12,7 @@ mod enable;
 mod failure;
 mod health;
 mod help;
+mod init;
 pub mod input;
 mod journal;
 mod keyboard;
@@ -29,6 +30,7 @@ mod params;
 mod password;
 pub mod progress;
 mod qualify;
+mod questions;
 mod read;
 mod reload;
 mod run;
@@ -67,6 +69,8 @@ pub struct Cli {
 enum Command {
     /// Try everything on this machine: simulated drives behind a gateway with Modbus TCP, MQTT and a broker
     Demo(demo::Args),
+    /// From a serial port to a configuration that works: finds the drives, asks the rest, and writes it
+    Init(Box<init::Args>),
     /// Run the gateway
     Run(run::Args),
     /// Check a configuration: reports all problems at once, or the load of each line. Opens no port
@@ -136,7 +140,7 @@ impl Command {
     /// The default log level. A tool prints its results itself.
     const fn log_level(&self) -> &'static str {
         match self {
-            Self::Scan(_) => "error",
+            Self::Scan(_) | Self::Init(_) => "error",
             Self::Params(_) => "warn",
             Self::Read(args) if args.is_straight() => "warn",
             Self::Write(args) if args.is_straight() => "warn",
@@ -164,6 +168,7 @@ pub fn main() -> ExitCode {
     let _last_lines = log::start(cli.log_format, cli.command.log_level());
     let done = match cli.command {
         Command::Demo(args) => demo::demo(&args),
+        Command::Init(args) => init::init(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Scan(args) => scan::scan(&args),

@@ -30,16 +30,23 @@ pub struct Args {}
 pub fn password(_: &Args) -> Result<(), Failure> {
     let stdin = io::stdin();
     let password = if isatty(&stdin) { ask_twice(&stdin)? } else { read_line(&stdin)?.0 };
+    print(&format!("{}\n", hashed(&password)?.as_str()))?;
+    log::complain(WHERE.as_bytes());
+    Ok(())
+}
+
+/// The hash of `password`.
+///
+/// # Errors
+/// It is too short or too long.
+pub(super) fn hashed(password: &str) -> Result<StoredHash, Failure> {
     let mut salt = [0; 16];
     SystemRandom::new().fill(&mut salt).map_err(|_| Failure::failed("no random numbers from the system"))?;
-    let hash = StoredHash::make(&password, &salt).ok_or_else(|| {
+    StoredHash::make(password, &salt).ok_or_else(|| {
         let least = PASSWORD_CHARS.start();
         let most = PASSWORD_CHARS.end();
         Failure::wrong(format!("a password has {least} to {most} characters"))
-    })?;
-    print(&format!("{}\n", hash.as_str()))?;
-    log::complain(WHERE.as_bytes());
-    Ok(())
+    })
 }
 
 fn ask_twice(stdin: &Stdin) -> Result<String, Failure> {
@@ -68,13 +75,13 @@ fn read_line(stdin: &Stdin) -> Result<(String, bool), Failure> {
 }
 
 /// A terminal that echoes only the ends of lines, until this is dropped.
-struct Silence<'t> {
+pub(super) struct Silence<'t> {
     terminal: &'t Stdin,
     before: Termios,
 }
 
 impl<'t> Silence<'t> {
-    fn begin(terminal: &'t Stdin) -> io::Result<Self> {
+    pub fn begin(terminal: &'t Stdin) -> io::Result<Self> {
         let before = tcgetattr(terminal)?;
         let mut silent = before.clone();
         // Ctrl-C would end the program and leave the terminal without echo: it ends the line instead.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct Args {
     /// The configuration file
     #[arg(short, long, value_name = "FILE")]
-    config: PathBuf,
+    pub config: PathBuf,
 }
 
 /// Runs the gateway until SIGINT or SIGTERM.

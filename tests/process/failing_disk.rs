@@ -308,3 +308,24 @@ fn a_disk_that_is_full_is_seen_and_what_waited_is_written_when_there_is_room() {
     site.assert_everything_is_there_once(inside, gateway.id(), "full");
     end(gateway);
 }
+
+#[test]
+fn a_missing_data_dir_is_made_or_said_how_to_make() {
+    let site = Site::new();
+    let data = site.place.file("data");
+    std::fs::remove_dir(&data).unwrap();
+    let mut gateway = site.run(Command::new("env"));
+    assert!(data.join("journal.db").exists(), "{}", gateway.text());
+    gateway.terminate();
+    assert!(gateway.end_within(PATIENCE).success());
+
+    let deeper = site.place.file("missing/data");
+    let text = std::fs::read_to_string(&site.file).unwrap();
+    let other = text.replace(data.to_str().unwrap(), deeper.to_str().unwrap());
+    assert_ne!(text, other);
+    std::fs::write(&site.file, other).unwrap();
+    let gateway = site.run(Command::new("env"));
+    let line = format!("-m 750 {}", deeper.display());
+    assert!(gateway.text_so_far().contains(&line), "{}", gateway.text_so_far());
+    assert!(!deeper.exists());
+}

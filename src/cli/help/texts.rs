@@ -42,6 +42,16 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         ],
     ),
     help(
+        "init",
+        "Lists the serial ports, looks for drives (which only reads), and asks what it cannot find out: names, who reaches the \
+         drives, who commands them, and what happens to the motors when that client is lost. Nothing is written before the \
+         last answer, and no configuration is overwritten. Every question has a flag; passwords are read from stdin.",
+        &[
+            ("vfd-gateway init", "ask everything, and write vfd-gateway.toml"),
+            ("vfd-gateway init --port /dev/ttyUSB0 --ways page --command-from ''", "only watch, on the page of this host"),
+        ],
+    ),
+    help(
         "run",
         "SIGINT and SIGTERM shut it down after the action that `on_shutdown` names for each drive under control; SIGHUP \
          reloads the file. The log goes to stderr; RUST_LOG=vfd_gateway=trace shows every frame.",

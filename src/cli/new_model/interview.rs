@@ -2,7 +2,7 @@
 
 use super::facts::{Documents, Evidence, Facts, FlagFacts, RegisterFacts, RunFacts, SetupFacts};
 use super::live::Live;
-use super::questions::{Questions, address_and_place, link, word};
+use crate::cli::questions::{Questions, address_and_place, link, word};
 use crate::cli::{Failure, print};
 use std::io::BufRead;
 

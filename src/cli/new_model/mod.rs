@@ -4,12 +4,12 @@
 mod facts;
 mod interview;
 mod live;
-mod questions;
 mod skeleton;
 mod template;
 mod trial;
 
 use crate::cli::own_models::ModelDirs;
+use crate::cli::questions::Questions;
 use crate::cli::{Failure, input, print};
 use crate::daemon::host::clock;
 use crate::daemon::host::user_files::BYTES_MAX;
@@ -18,7 +18,6 @@ use crate::domain::calendar;
 use crate::vendors;
 use interview::Interview;
 use live::{Live, LiveArgs};
-use questions::Questions;
 use std::io;
 use std::path::{Path, PathBuf};
 

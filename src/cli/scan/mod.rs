@@ -4,6 +4,7 @@
 mod asker;
 #[cfg(test)]
 mod confusion_tests;
+pub(super) mod find;
 mod judge;
 mod plan;
 mod report;
@@ -109,22 +110,9 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
     if args.dry_run {
         return Ok(());
     }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-    let mut findings = Findings::default();
     let link = plan.settings.first().map_or(LinkSettings::DEFAULT, |setting| setting.link);
     let port = ToolPort { address: args.port.clone(), link, direction: args.link.direction() };
-    let (ended, echoes, late) = runtime.block_on(async {
-        let mut asker = PortAsker::new(port);
-        let told = told_to_end().map_err(Failure::failed)?;
-        let mut shown = Shown { plan: &plan, bar: Bar::new(asks(&plan)) };
-        let ended = tokio::select! {
-            done = survey(&plan, &mut asker, &mut findings, |event| shown.event(&event)) => done,
-            () = told => Ok(()),
-        };
-        shown.bar.end();
-        asker.close().await;
-        Ok::<_, Failure>((ended, asker.echoes > 0, asker.late))
-    })?;
+    let Scanned { findings, ended, echoes, late } = scanned(&plan, port)?;
     if ended.is_err() && findings.drives.is_empty() {
         return ended;
     }
@@ -138,6 +126,35 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         (true, true) => Err(Failure::failed(ADVICE)),
         (true, false) => Ok(()),
     }
+}
+
+/// The outcome of a scan.
+struct Scanned {
+    findings: Findings,
+    /// Why it ended early.
+    ended: Result<(), Failure>,
+    /// The adapter echoes what is sent.
+    echoes: bool,
+    /// Frames of drives that arrived too late to count.
+    late: u64,
+}
+
+/// Tries everything in `plan`, until Ctrl-C. Shows the progress.
+fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    runtime.block_on(async {
+        let mut findings = Findings::default();
+        let mut asker = PortAsker::new(port);
+        let told = told_to_end().map_err(Failure::failed)?;
+        let mut shown = Shown { plan, bar: Bar::new(asks(plan)) };
+        let ended = tokio::select! {
+            done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done,
+            () = told => Ok(()),
+        };
+        shown.bar.end();
+        asker.close().await;
+        Ok(Scanned { findings, ended, echoes: asker.echoes > 0, late: asker.late })
+    })
 }
 
 /// What may help if no drive answers.

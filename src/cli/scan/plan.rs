@@ -2,6 +2,7 @@
 //! distinguish models. All of it follows from the models.
 
 use super::judge::words;
+use super::survey::{Finding, Findings};
 use crate::domain::address::Address;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::gateway::DriveSetup;
@@ -105,6 +106,17 @@ impl Plan {
         let silent = self.settings.iter().map(|setting| setting.when_silent(stations)).sum::<Duration>() + LISTEN;
         let told = self.settings.iter().map(Setting::when_told_apart).max().unwrap_or_default();
         (silent, told * stations)
+    }
+}
+
+impl Plan {
+    /// The setting with which most drives of a known model answer; `None` if no drive does.
+    #[must_use]
+    pub fn most_answer(&self, findings: &Findings) -> Option<usize> {
+        let known = |finding: &&Finding| !finding.verdict.fits.is_empty();
+        let count = |number: usize| findings.drives.iter().filter(known).filter(|it| it.setting == number).count();
+        let most = (0..self.settings.len()).rev().max_by_key(|number| count(*number))?;
+        (count(most) > 0).then_some(most)
     }
 }
 

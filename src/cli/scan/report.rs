@@ -115,12 +115,7 @@ impl Scan<'_> {
     /// A configuration with the drives whose model is known, read-only; `None` if there is none. A line has one
     /// setting: drives that answer with another one are named in comments.
     pub fn configuration(&self) -> Option<String> {
-        let known = |finding: &&Finding| !finding.verdict.fits.is_empty();
-        let count = |number: usize| self.findings.drives.iter().filter(known).filter(|it| it.setting == number).count();
-        let number = (0..self.plan.settings.len()).rev().max_by_key(|number| count(*number))?;
-        if count(number) == 0 {
-            return None;
-        }
+        let number = self.plan.most_answer(self.findings)?;
         let setting = self.plan.settings.get(number)?;
         let mut text = format!(
             "# Made by `vfd-gateway scan` on {}. Nothing may be commanded so far: `control` sections are yours to write.\n\

@@ -1,8 +1,10 @@
 //! What the operating system provides: clocks, files, secrets, terminals, limits.
 
+pub mod adapters;
 pub mod authority;
 pub mod clock;
 pub mod descriptors;
+pub mod directories;
 pub mod pem_files;
 pub mod pty;
 pub(super) mod random;

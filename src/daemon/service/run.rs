@@ -3,7 +3,7 @@
 use crate::config::Config;
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::shared::Current;
-use crate::daemon::host::sys;
+use crate::daemon::host::{directories, sys};
 use crate::daemon::http::socket::OwnSocket;
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::Memory;
@@ -23,6 +23,7 @@ use crate::domain::report::LineCounters;
 use rustix::system::uname;
 use std::io;
 use std::net::SocketAddr;
+use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -116,6 +117,18 @@ where
     ended.map(Lines::join)
 }
 
+/// Makes the directory if it is missing and may be made. The gateway controls without it.
+fn make_data_dir(directory: &Path) {
+    let path = directory.display();
+    match directories::make(directory) {
+        Ok(true) => tracing::info!(%path, "data_dir created"),
+        Ok(false) => (),
+        Err(error) => {
+            tracing::error!(%path, %error, "ALARM: no data_dir; control continues without journal and local socket")
+        }
+    }
+}
+
 type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 
 /// Acquires everything that the gateway needs, and starts it.
@@ -129,6 +142,9 @@ async fn start(
     let sides = NorthSides { mqtt: Some(Arc::default()), sparkplug: Some(Arc::default()), ..NorthSides::default() };
     let shared = Arc::new(build::shared(config));
     let data_dir = config.gateway.data_dir.clone();
+    if let Some(directory) = &data_dir {
+        make_data_dir(directory);
+    }
     let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
     let bound = if tool.is_some() { north::unbound(config) } else { north::bind(config, &[], true).await? };
     let broker = embedded_broker(config)?;

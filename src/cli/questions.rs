@@ -1,11 +1,16 @@
 //! Questions on the terminal, each asked until its answer can be used. Answers may also come from a pipe, a line each.
 
-use crate::cli::{Failure, print};
+use super::password::Silence;
+use super::{Failure, print};
 use crate::domain::link::{LinkSettings, Parity};
+use rustix::termios::isatty;
 use std::io::{BufRead, Write};
 
 /// Longest line that is read in bytes.
 const LINE_BYTES_MAX: u64 = 1024;
+
+/// What a line consists of that was ended by Ctrl-C while the terminal is silent.
+const CANCELLED: &str = "\u{3}";
 
 /// The person who answers.
 pub struct Questions<R> {
@@ -45,6 +50,38 @@ impl<R: BufRead> Questions<R> {
                 Err(why) => print(&format!("  {why}\n"))?,
             }
         }
+    }
+
+    /// The value of a flag if it was given, otherwise the answer to `question`; Enter takes `default`.
+    pub fn given_or_asked<T>(
+        &mut self,
+        given: Option<&str>,
+        flag: &str,
+        question: &str,
+        default: Option<&str>,
+        mut parse: impl FnMut(&str) -> Result<T, String>,
+    ) -> Result<T, Failure> {
+        if let Some(text) = given {
+            return parse(text.trim()).map_err(|why| Failure::wrong(format!("{flag}: {why}")));
+        }
+        let shown = match default {
+            None | Some("") => question.to_owned(),
+            Some(default) => format!("{question} [{default}]"),
+        };
+        self.ask_until(&shown, |answer| parse(if answer.is_empty() { default.unwrap_or_default() } else { answer }))
+    }
+
+    /// A password, which the terminal does not show.
+    pub fn secret(&mut self, question: &str) -> Result<String, Failure> {
+        let stdin = std::io::stdin();
+        let silence = if isatty(&stdin) { Some(Silence::begin(&stdin).map_err(Failure::failed)?) } else { None };
+        let answer = self.ask_until(question, |answer| match answer {
+            "" => Err("an answer is needed".to_owned()),
+            CANCELLED => Ok(None),
+            text => Ok(Some(text.to_owned())),
+        });
+        drop(silence);
+        answer?.ok_or_else(|| Failure::failed("nothing was written"))
     }
 
     /// Text that must not be empty unless there is a `default`.

@@ -1,0 +1,145 @@
+//! `init`: from a port to a configuration that passes `check`. Everything is asked first, then everything is written.
+
+mod answers;
+mod args;
+mod line;
+mod ways;
+
+use super::certificate::make_certificate;
+use super::own_models::ModelDirs;
+use super::password::hashed;
+use super::questions::Questions;
+use super::{Failure, input, print, run};
+use crate::config;
+use crate::daemon::host::whole_files::{self, Readers};
+use crate::daemon::host::{clock, directories};
+use crate::domain::calendar;
+use crate::profile::catalog::Catalog;
+use answers::Answers;
+pub use args::Args;
+use std::io::{self, BufRead};
+use std::path::{Path, PathBuf};
+use ways::Secrets;
+
+/// Where the journal is by default.
+const DATA_DIR: &str = "/var/lib/vfd-gateway";
+
+/// Asks, writes, and runs the gateway if that is wanted.
+pub fn init(args: &Args) -> Result<(), Failure> {
+    let out = absolute(&args.out)?;
+    if out.exists() {
+        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+    }
+    let directory = out.parent().unwrap_or(Path::new("/")).to_path_buf();
+    let catalog = input::catalog_with(&ModelDirs::default())?;
+    let mut questions = Questions::new(io::stdin().lock());
+    let mut secrets = Secrets::default();
+    let answers = asked(&mut questions, args, &catalog, &directory, &mut secrets)?;
+    let text = answers.text();
+    checked(&text, &catalog)?;
+    let start = "Run the gateway now, in this terminal";
+    let starts = questions.given_or_asked(args.start.as_deref(), "--start", start, Some("no"), line::yes)?;
+    drop(questions);
+    write(&out, &text, &answers, &secrets)?;
+    print(&format!(
+        "\n{text}\n{} is written. What next:\n  vfd-gateway check -c {0}\n  vfd-gateway run -c {0}\n",
+        out.display()
+    ))?;
+    if starts { run::run(&run::Args { config: out }) } else { Ok(()) }
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, Failure> {
+    std::path::absolute(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+}
+
+fn asked<R: BufRead>(
+    questions: &mut Questions<R>,
+    args: &Args,
+    catalog: &Catalog,
+    directory: &Path,
+    secrets: &mut Secrets,
+) -> Result<Answers, Failure> {
+    let date = calendar::rfc3339(clock::wall());
+    let line = line::line(questions, args, catalog)?;
+    let wanted = ways::wanted(questions, args)?;
+    let has = |way: &str| wanted.iter().any(|it| it == way);
+    let mut page = if has("page") { Some(ways::page(questions, args)?) } else { None };
+    let mut modbus = if has("modbus-tcp") { Some(ways::modbus(questions, args)?) } else { None };
+    let broker = if has("mqtt") || has("home-assistant") || has("sparkplug") {
+        Some(ways::broker(questions, args, &wanted, directory, secrets)?)
+    } else {
+        None
+    };
+    let from = ways::commanders(questions, args, &wanted)?;
+    let mut line = line;
+    let commands = |way: &str| from.iter().any(|it| it == way);
+    if let Some(modbus) = modbus.as_mut().filter(|_| commands("modbus-tcp")) {
+        modbus.write = ways::writers(questions, args)?;
+    }
+    if let Some(page) = page.as_mut() {
+        if commands("page") {
+            page.user = Some(ways::page_user(questions, args, directory, secrets)?);
+        }
+        if !page.listen.ip().is_loopback() {
+            page.certificate = Some(directory.join("tls").join(super::certificate::PAGE));
+        }
+    }
+    let control = if from.is_empty() { None } else { Some(ways::control(questions, args, from)?) };
+    if control.is_some() {
+        line::controlled(questions, args, &mut line.drives)?;
+    }
+    let data_dir = questions.given_or_asked(
+        args.data_dir.as_deref().and_then(Path::to_str),
+        "--data-dir",
+        "Directory for the journal",
+        Some(DATA_DIR),
+        |text| {
+            if text.starts_with('/') { Ok(PathBuf::from(text)) } else { Err(format!("`{text}` is no absolute path")) }
+        },
+    )?;
+    let date = date.get(..10).unwrap_or_default().to_owned();
+    Ok(Answers { date, data_dir, line, page, modbus, broker, control })
+}
+
+/// The file passes `check`, or nothing is written.
+fn checked(text: &str, catalog: &Catalog) -> Result<(), Failure> {
+    config::load(text, catalog).map(drop).map_err(|problems| {
+        let listed: Vec<_> = problems
+            .iter()
+            .map(|problem| {
+                let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
+                format!("  {}: {}{right}", problem.key, problem.what)
+            })
+            .collect();
+        Failure::wrong(format!("the answers do not go together; nothing was written:\n{}", listed.join("\n")))
+    })
+}
+
+/// Secrets and certificate first, the configuration that names them last.
+fn write(out: &Path, text: &str, answers: &Answers, secrets: &Secrets) -> Result<(), Failure> {
+    match directories::make(&answers.data_dir) {
+        Ok(_) => (),
+        // The gateway controls without it, and says so.
+        Err(error) => print(&format!("data_dir {}: {error}\n", answers.data_dir.display()))?,
+    }
+    if let Some((page, certificate)) = answers.page.as_ref().and_then(|page| Some((page, page.certificate.as_ref()?))) {
+        let directory = certificate.parent().unwrap_or(Path::new("/"));
+        print(&make_certificate(directory, &[], page.listen.port())?)?;
+    }
+    let user = answers.page.as_ref().and_then(|page| page.user.as_ref());
+    if let (Some((_, file)), Some(password)) = (user, &secrets.page) {
+        secret(file, &format!("{}\n", hashed(password)?.as_str()))?;
+    }
+    let user = answers.broker.as_ref().and_then(|broker| broker.user.as_ref());
+    if let (Some((_, file)), Some(password)) = (user, &secrets.broker) {
+        secret(file, &format!("{password}\n"))?;
+    }
+    whole_files::create(out, text.as_bytes(), Readers::Group)
+        .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))
+}
+
+/// A secret of an earlier, interrupted attempt is replaced.
+fn secret(file: &Path, text: &str) -> Result<(), Failure> {
+    whole_files::replace(file, text.as_bytes(), Readers::Group)
+        .map_err(|error| Failure::failed(format!("{}: {error}", file.display())))
+}
