@@ -79,6 +79,8 @@ fn eight_unknown_drives_are_served_after_a_few_answers() {
     let [page, modbus] = [free_port(), free_port()].map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
     let port = yard.port.to_str().unwrap();
     let mut args = vec!["--port", port, "--stations", "1-8", "--ways", "page,modbus-tcp", "--command-from", "page"];
+    // A pseudo-terminal has no speed: the drives would answer at the first one that is tried.
+    args.extend(["--baud", "9600", "--parity", "none", "--stop-bits", "1"]);
     let listen = [page.to_string(), modbus.to_string()];
     args.extend(["--page-listen", &listen[0], "--modbus-listen", &listen[1], "--page-user", "anna"]);
     args.extend(["--data-dir", data.to_str().unwrap(), "--start", "no"]);
