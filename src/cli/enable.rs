@@ -21,7 +21,7 @@ pub struct Args {
 pub fn enable(args: &Args) -> Result<(), Failure> {
     let drive = setup::Drive::new(&args.drive, &args.place)?;
     let before = drive.look()?;
-    if items(&before).any(|item| item["result"] == "not_answered") {
+    if setup::is_another_drive(&before) || items(&before).any(|item| item["result"] == "not_answered") {
         print(&report(&before))?;
         judge(&before)?;
     }

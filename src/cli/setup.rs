@@ -104,7 +104,7 @@ pub fn report(setup: &Value) -> String {
     let drive = text(setup, "drive");
     let model = text(setup, "model");
     let line = text(setup, "line");
-    let mut said = format!("drive {drive} ({model} on {line})\n");
+    let mut said = format!("drive {drive} ({model} on {line})\n{}", identity(&setup["identity"], model));
     let (by_line, by_hand): (Vec<_>, Vec<_>) = items(setup).partition(|item| item["result"] != "at_the_drive");
     said.push_str(&table(by_line.into_iter().map(row)));
     if !by_hand.is_empty() {
@@ -133,9 +133,15 @@ pub fn judge(setup: &Value) -> Result<(), Failure> {
     }
     let count = |result: &str| items(setup).filter(|item| item["result"] == result).count();
     let is_watchdog_silent = setup["watchdog"]["state"] == "not_answered";
-    let wrong = count("wrong");
-    let silent = count("not_answered") + usize::from(is_watchdog_silent);
+    let is_identity_silent = setup["identity"]["result"] == "not_answered";
+    let wrong = count("wrong") + usize::from(is_another_drive(setup));
+    let silent = count("not_answered") + usize::from(is_watchdog_silent) + usize::from(is_identity_silent);
     Err(Failure::failed(format!("{}: {wrong} wrong, {silent} not answered", text(setup, "drive"))))
+}
+
+/// Whether the drive tells that it is not the one that it is taken for: then it gets no order.
+pub fn is_another_drive(setup: &Value) -> bool {
+    ["wrong", "not_tried"].iter().any(|result| setup["identity"]["result"] == *result)
 }
 
 fn row(item: &Value) -> [String; 5] {
@@ -149,6 +155,34 @@ fn row(item: &Value) -> [String; 5] {
     let found = if item["found"].is_null() { "-".to_owned() } else { format!("found {}", word(&item["found"])) };
     let wanted = format!("wanted {}", wanted.join(" or "));
     [text(item, "what").to_owned(), text(item, "text").to_owned(), wanted, found, result]
+}
+
+/// Which drive answered, for people. `model` is the one that the configuration names.
+fn identity(identity: &Value, model: &str) -> String {
+    let Some(result) = identity["result"].as_str() else {
+        return "the drive's identity: this model has no register that tells it\n".to_owned();
+    };
+    let wanted: Vec<_> = identity["wanted"].as_array().into_iter().flatten().map(Value::to_string).collect();
+    let wanted = wanted.join(" or ");
+    let said = match (result, identity["other"].as_str()) {
+        ("right", _) => format!("{}: {model}, ok", found_as(identity)),
+        ("not_tried", _) => {
+            format!("{}: WRONG, {model}, but not the drive of the trials, which showed {wanted}", found_as(identity))
+        }
+        ("not_answered", _) => why_silent(identity),
+        (_, Some(other)) => format!("{}: WRONG, {other}, and not {model}, which shows {wanted}", found_as(identity)),
+        (_, None) => format!("{}: WRONG, an unknown drive; {model} shows {wanted}", found_as(identity)),
+    };
+    format!("the drive's identity ({}): {said}\n", text(identity, "what"))
+}
+
+/// The word that was found, also without the bits that do not count.
+fn found_as(identity: &Value) -> String {
+    let found = format!("found {}", word(&identity["found"]));
+    match (identity["found"]["raw"].as_u64(), identity["mask"].as_u64()) {
+        (Some(raw), Some(mask)) if mask != 0xFFFF => format!("{found}, of which {} counts", raw & mask),
+        _ => found,
+    }
 }
 
 /// The drive's own watchdog, for people.
@@ -248,6 +282,7 @@ mod tests {
         let said = report(&setup(items, Value::Null));
         let expected = "\
 drive d (m on l)
+the drive's identity: this model has no register that tells it
   C1  source: bus  wanted 3 (bus) or 5  found 3 (bus)  ok
   C1  source: bus  wanted 3 (bus) or 5  found 2        WRONG
   C1  source: bus  wanted 3 (bus) or 5  -              not answered: the drive did not answer
@@ -256,6 +291,41 @@ at the drive itself, where the gateway cannot read:
 the drive's own watchdog: none is known for this model
 ";
         assert_eq!(said, expected);
+    }
+
+    #[test]
+    fn the_drive_that_answered_is_named() {
+        let seen = |result: &str, other: Option<&str>, mask: u16| {
+            let mut setup = setup(Vec::new(), Value::Null);
+            setup["identity"] = json!({
+                "what": "D0", "mask": mask, "wanted": [16, 17], "found": { "raw": 280 }, "result": result,
+                "other": other, "message": "the drive did not answer", "exception": 3,
+            });
+            let judged = judge(&setup).unwrap_err().message;
+            (report(&setup).lines().nth(1).unwrap_or_default().to_owned(), judged)
+        };
+        let said = |result, other| seen(result, other, 0xFFFF).0;
+        assert_eq!(said("right", None), "the drive's identity (D0): found 280: m, ok");
+        assert_eq!(
+            said("wrong", Some("Acme 2")),
+            "the drive's identity (D0): found 280: WRONG, Acme 2, and not m, which shows 16 or 17"
+        );
+        assert_eq!(
+            seen("wrong", None, 0xFF).0,
+            "the drive's identity (D0): found 280, of which 24 counts: WRONG, an unknown drive; m shows 16 or 17"
+        );
+        assert_eq!(
+            said("not_tried", None),
+            "the drive's identity (D0): found 280: WRONG, m, but not the drive of the trials, which showed 16 or 17"
+        );
+        assert_eq!(
+            said("not_answered", None),
+            "the drive's identity (D0): not answered: the drive did not answer; exception 03"
+        );
+        let judged = |result| seen(result, None, 0xFFFF).1;
+        assert_eq!(judged("wrong"), "d: 1 wrong, 0 not answered");
+        assert_eq!(judged("not_tried"), "d: 1 wrong, 0 not answered");
+        assert_eq!(judged("not_answered"), "d: 0 wrong, 1 not answered");
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! What has to be set on a drive before it obeys the bus, and what it is set to: for `vfd-gateway verify` and `enable`.
+//! Which drive answers, what has to be set on it before it obeys the bus, and what it is set to: for `vfd-gateway verify`
+//! and `enable`.
 
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
@@ -8,7 +9,7 @@ use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRef;
-use crate::profile::model::{Model, Register, RunForm, SetupItem, Watchdog};
+use crate::profile::model::{Identity, Model, Register, RunForm, SetupItem, Watchdog};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::time::Duration;
@@ -19,24 +20,28 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 /// The word of a register, or why there is none.
 pub(super) type Found = Result<u16, Report>;
 
-/// Reads what has to be set on `drive` and shows it.
+/// Reads which drive it is and what has to be set on it, and shows both.
 pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
     let description = &drive.description;
     let model = &*drive.description.model;
     let items: Vec<_> = concerned(side, drive).collect();
     let watchdog = model.watchdog.as_ref();
-    let addresses = items.iter().filter_map(|item| item.address);
+    let identity = model.identity.as_ref();
+    let addresses = identity.map(|it| it.address).into_iter().chain(items.iter().filter_map(|item| item.address));
     let addresses = addresses.chain(watchdog.map(|it| it.time)).chain(watchdog.and_then(|it| it.action));
     let found = read(side, description.place, addresses).await;
     let found_at = |address| found.iter().find(|(at, _)| *at == address).map(|(_, found)| found);
     let seen: Vec<_> = items.into_iter().map(|item| (item, item.address.and_then(found_at))).collect();
     let is_right = seen.iter().all(|(item, found)| is_right(item, *found));
     let is_watched = watchdog.is_none_or(|watchdog| matches!(found_at(watchdog.time), Some(Ok(_))));
+    let identity = identity.map(|identity| shown_identity(drive, identity, found_at(identity.address)));
+    let is_it = identity.as_ref().is_none_or(|it| it["result"] == "right");
     json!({
         "drive": description.name.as_str(),
         "line": description.line.as_str(),
         "model": model.id,
-        "right": is_right && is_watched,
+        "right": is_right && is_watched && is_it,
+        "identity": identity,
         "items": seen.iter().map(|(item, found)| shown_item(model, item, *found)).collect::<Vec<_>>(),
         "watchdog": watchdog.map(|watchdog| shown_watchdog(drive, watchdog, found_at)),
         "takes_priority": takes_priority(model),
@@ -131,6 +136,28 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
     shown.insert("wanted".to_owned(), wanted.into());
     shown.insert("result".to_owned(), result.into());
     shown.into()
+}
+
+/// Whether the drive is the one that the configuration names, and which one it is otherwise.
+fn shown_identity(drive: &SharedDrive, identity: &Identity, found: Option<&Found>) -> Map<String, Value> {
+    let description = &drive.description;
+    let qualified = description.control.as_ref().and_then(|control| control.qualified_drive());
+    let qualified = qualified.filter(|(address, _)| *address == identity.address).map(|(_, word)| word & identity.mask);
+    let (result, other) = match found {
+        Some(Ok(word)) if !identity.is_right(*word) => ("wrong", identity.other(*word)),
+        Some(Ok(word)) if qualified.is_some_and(|qualified| qualified != word & identity.mask) => ("not_tried", None),
+        Some(Ok(_)) => ("right", None),
+        Some(Err(_)) | None => ("not_answered", None),
+    };
+    let register = description.model.register_at(identity.address);
+    let wanted = qualified.map_or_else(|| identity.values.value.clone(), |word| vec![word]);
+    let mut shown = seen(register, found);
+    shown.insert("what".to_owned(), register.map(Register::label).into());
+    shown.insert("mask".to_owned(), identity.mask.into());
+    shown.insert("wanted".to_owned(), wanted.into());
+    shown.insert("result".to_owned(), result.into());
+    shown.insert("other".to_owned(), other.into());
+    shown
 }
 
 fn shown_watchdog<'f>(

@@ -11,7 +11,7 @@ use crate::domain::ids::Name;
 use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{Confidence, Fact, Model, RunForm, Watchdog};
+use crate::profile::model::{Confidence, Fact, Identity, Model, RunForm, Watchdog};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -173,6 +173,35 @@ fn the_drives_own_watchdog_is_read() {
     assert_eq!(watchdog["action"], json!({ "raw": 3, "text": "communication" }));
     let setup = look_at(&side, &Drive::holding(&sources));
     assert_eq!((&setup["watchdog"]["state"], &setup["right"]), (&json!("not_answered"), &json!(false)), "{setup}");
+}
+
+/// The upper byte of F007 tells which drive it is.
+fn identified(model: &mut Model) {
+    let values = Fact { value: vec![0x0100], confidence: Confidence::Manual, source: "test".to_owned() };
+    let others = vec![(0x0200, "Acme 2".to_owned())];
+    model.identity = Some(Identity { address: (F007).into(), mask: 0xFF00, values, others });
+}
+
+#[test]
+fn the_drive_that_answers_is_the_one_that_is_named_or_wrong() {
+    let side = side(Interface::Rs485, identified);
+    let sources = [(F010, 3), (F011, 3)];
+    let seen = |word: Option<u16>| {
+        let held: Vec<_> = sources.into_iter().chain(word.map(|word| (F007, word))).collect();
+        let setup = look_at(&side, &Drive::holding(&held));
+        let identity = &setup["identity"];
+        (identity["result"].clone(), identity["other"].clone(), setup["right"].clone())
+    };
+    assert_eq!(seen(Some(0x0117)), (json!("right"), Value::Null, json!(true)));
+    assert_eq!(seen(Some(0x0217)), (json!("wrong"), json!("Acme 2"), json!(false)));
+    assert_eq!(seen(Some(0x0317)), (json!("wrong"), Value::Null, json!(false)));
+    assert_eq!(seen(None), (json!("not_answered"), Value::Null, json!(false)));
+    let setup = look_at(&side, &Drive::holding(&[(F007, 0x0117)]));
+    let identity = &setup["identity"];
+    assert_eq!((&identity["what"], &identity["mask"]), (&json!("F007"), &json!(0xFF00)), "{setup}");
+    assert_eq!((&identity["wanted"], &identity["found"]["raw"]), (&json!([0x0100]), &json!(0x0117)), "{setup}");
+    let none = look_at(&self::side(Interface::Rs485, |_| {}), &Drive::holding(&sources));
+    assert_eq!((&none["identity"], &none["right"]), (&Value::Null, &json!(true)));
 }
 
 #[test]
