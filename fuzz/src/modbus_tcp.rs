@@ -249,7 +249,7 @@ impl Client {
             0 => NativeOutcome::Words(feed.words(130).into()),
             1 => NativeOutcome::Written,
             2 => NativeOutcome::KeptOldValue(feed.word()),
-            3 => NativeOutcome::DriveException(feed.byte()),
+            3 => NativeOutcome::DriveException { code: feed.byte(), reason: Reason::DriveException },
             4 => NativeOutcome::Refused(Refusal::LineDown),
             5 => NativeOutcome::NoReply,
             6 => NativeOutcome::Superseded,

@@ -28,6 +28,9 @@ use tokio::time::{Instant, timeout_at};
 pub const TOOLS_MAX: usize = 4;
 /// The line ends every read by its deadline. This much later no answer is expected any more.
 const LATE: Duration = Duration::from_secs(1);
+/// How often a drive that is busy is asked again, and how long it is left alone before.
+const BUSY_READS_MAX: usize = 8;
+const BUSY_REST: Duration = Duration::from_millis(250);
 /// Longest duration of a command that has begun: several slow writes, each read back.
 const COMMAND_WITHIN: Duration = Duration::from_secs(15);
 
@@ -171,7 +174,8 @@ impl LocalSide {
         }
     }
 
-    /// Reads the register at `address` of the drive at `place` now, by an exchange of its own.
+    /// Reads the register at `address` of the drive at `place` now, by an exchange of its own. A drive that is busy is asked
+    /// again.
     ///
     /// # Errors
     /// Why there is no word, as of a command that ended so.
@@ -180,11 +184,29 @@ impl LocalSide {
         words.first().copied().ok_or(Report::refused(Reason::NoReply))
     }
 
-    /// Reads `count` words from `address` on.
+    /// Reads `count` words from `address` on. A drive that is busy is asked again, while there is time.
     ///
     /// # Errors
     /// Why they could not be read.
     pub async fn read_words(
+        &self,
+        place: DriveRef,
+        address: Address,
+        count: u16,
+        deadline: MonoTime,
+    ) -> Result<Vec<u16>, Report> {
+        for _ in 0..BUSY_READS_MAX {
+            match self.read_once(place, address, count, deadline).await {
+                Err(Report { reason: Reason::DriveBusy, .. }) if clock::now() + BUSY_REST < deadline => {
+                    tokio::time::sleep(BUSY_REST).await;
+                }
+                ended => return ended,
+            }
+        }
+        self.read_once(place, address, count, deadline).await
+    }
+
+    async fn read_once(
         &self,
         place: DriveRef,
         address: Address,
@@ -398,6 +420,27 @@ mod tests {
     }
 
     #[test]
+    fn a_busy_drive_is_read_again_and_not_for_ever() {
+        for (busy, asked, expected) in [(3, 4, Ok(7)), (usize::MAX, BUSY_READS_MAX + 1, Err(Reason::DriveBusy))] {
+            let side = side();
+            let count = Arc::new(AtomicU64::new(0));
+            let seen = Arc::clone(&count);
+            let line = move |message| {
+                let Message::Native(NativeRequest { asker, ticket, .. }) = message else { panic!("{message:?}") };
+                let outcome = if seen.fetch_add(1, Ordering::Relaxed) < busy as u64 {
+                    NativeOutcome::DriveException { code: 5, reason: Reason::DriveBusy }
+                } else {
+                    NativeOutcome::Words(vec![7].into())
+                };
+                vec![News::Native(NativeAnswer { asker, ticket, outcome })]
+            };
+            let until = clock::now() + Duration::from_secs(60);
+            let read = with_a_line(&side, line, async { side.read(PLACE, 1_u16.into(), until).await });
+            assert_eq!((read.map_err(|report| report.reason), count.load(Ordering::Relaxed)), (expected, asked as u64));
+        }
+    }
+
+    #[test]
     fn each_read_gets_the_answer_to_its_own_question() {
         let side = side();
         let line = |message| {
@@ -406,7 +449,7 @@ mod tests {
                 panic!("{message:?}")
             };
             let outcome = if address == 7 {
-                NativeOutcome::DriveException(2)
+                NativeOutcome::DriveException { code: 2, reason: Reason::DriveException }
             } else {
                 NativeOutcome::Words(vec![address.number() * 10].into())
             };

@@ -71,7 +71,12 @@ pub enum NativeOutcome {
     /// The drive refused the write: its reply carries the value that it kept.
     KeptOldValue(u16),
     /// The drive answered with an exception of its own.
-    DriveException(u8),
+    DriveException {
+        /// Its code.
+        code: u8,
+        /// What the drive means by it, as far as its model says.
+        reason: Reason,
+    },
     /// Nothing was sent.
     Refused(Refusal),
     /// The drive did not answer, or only with damaged frames.
@@ -87,8 +92,8 @@ impl NativeOutcome {
     #[must_use]
     pub const fn read_failure(&self) -> Report {
         match self {
-            Self::DriveException(code) => {
-                Report { exception: Some(*code), ..Report::new(Outcome::Failed, Reason::DriveException) }
+            Self::DriveException { code, reason } => {
+                Report { exception: Some(*code), ..Report::new(Outcome::Failed, *reason) }
             }
             Self::Refused(refusal) => Report::refused(match refusal {
                 Refusal::NoSuchUnit => Reason::UnknownDrive,

@@ -3,6 +3,7 @@
 use super::core::{Flight, LineCore, Purpose};
 use super::decide::is_stop;
 use super::drive::DriveOnLine;
+use super::execution::reason_of;
 use super::health::Done;
 use super::port::waiters_of;
 use crate::domain::ids::{DriveIndex, Station};
@@ -137,7 +138,8 @@ impl LineCore {
             (Purpose::Read(job), Ending::Reply(Reply::Echo)) => self.end_all(job.waiters, &NativeOutcome::Written),
             (purpose, Ending::Reply(_)) => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
             (purpose, Ending::Exception(code)) => {
-                self.end_all(waiters_of(purpose), &NativeOutcome::DriveException(code));
+                let reason = reason_of(kind);
+                self.end_all(waiters_of(purpose), &NativeOutcome::DriveException { code, reason });
             }
             (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
         }

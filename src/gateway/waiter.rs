@@ -116,7 +116,7 @@ fn native_outcome(report: Report) -> NativeOutcome {
             reason => Refusal::Guard(reason),
         }),
         Outcome::Failed => match (report.exception, report.held) {
-            (Some(code), _) => NativeOutcome::DriveException(code),
+            (Some(code), _) => NativeOutcome::DriveException { code, reason: report.reason },
             (None, Some(held)) => NativeOutcome::KeptOldValue(held),
             (None, None) => NativeOutcome::NoReply,
         },

@@ -1,7 +1,7 @@
 //! Terms for drives and lines shared by all interfaces: how reliable a value is, what a drive does, what it may be
 //! commanded, why a line is down.
 
-use crate::domain::command::{Direction, RunIntent};
+use crate::domain::command::{Direction, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
@@ -9,7 +9,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::{Presence, ValueReading};
 use crate::drive::view::{DriveView, RunState};
 use crate::drive::warnings;
-use crate::profile::model::Register;
+use crate::profile::model::{Model, Register};
 use std::time::Duration;
 
 /// How reliable a value is.
@@ -32,6 +32,16 @@ impl Freshness {
             Self::Stale => "stale",
             Self::Never => "never",
         }
+    }
+}
+
+/// Why a command or a read ended so, in plain words and, if the drive answered with an exception, in its vendor's.
+#[must_use]
+pub fn message(model: &Model, report: &Report) -> String {
+    let said = report.message();
+    match report.exception.and_then(|code| model.exception_text(code)) {
+        Some(text) => format!("{said}: {}", text.marked()),
+        None => said,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Exceptions by which a drive says more than no: that it is busy, locked or in a trip, or that the request was damaged.
 
-use crate::support::families::{LOCAL, listing, options_of, register};
+use crate::support::families::{LOCAL, listing, options_of, register, write};
 use crate::support::{MQTT, Rig, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
@@ -82,10 +82,25 @@ fn a_read_is_tried_once_more_after_a_while() {
     rig.pass(Duration::from_millis(600));
     objects(&mut rig, Busy, 100);
     let read = rig.read(1, 0, RAMP, 1);
-    assert_eq!(rig.answer_to(read), NativeOutcome::DriveException(5), "then its client decides");
+    let busy = NativeOutcome::DriveException { code: 5, reason: Reason::DriveBusy };
+    assert_eq!(rig.answer_to(read), busy, "then its client decides");
     objects(&mut rig, Locked, 1);
     rig.pass(SECOND);
     assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+}
+
+#[test]
+fn whoever_reads_or_writes_natively_is_told_what_the_drive_means() {
+    for (kind, code, reason) in [(Locked, 7, Reason::DriveLocked), (InTrip, 8, Reason::DriveInTrip)] {
+        let mut rig = running();
+        // No poll may take the exception.
+        rig.run_until(rig.now + Duration::from_millis(600), |_, _| {});
+        objects(&mut rig, kind, 1);
+        let read = rig.read(1, 0, RAMP, 1);
+        assert_eq!(rig.answer_to(read), NativeOutcome::DriveException { code, reason });
+        objects(&mut rig, kind, 1);
+        assert_eq!(write(&mut rig, RAMP, &[77]), NativeOutcome::DriveException { code, reason });
+    }
 }
 
 #[test]
@@ -111,7 +126,7 @@ fn a_damaged_request_in_the_middle_of_a_burst_is_treated_as_a_damaged_reply() {
     objects(&mut rig, DamagedFrame, 2);
     for ticket in burst {
         let answer = rig.answer_to(ticket);
-        assert!(!matches!(answer, NativeOutcome::DriveException(6)), "it is no refusal: {answer:?}");
+        assert!(!matches!(answer, NativeOutcome::DriveException { .. }), "it is no refusal: {answer:?}");
     }
     assert_eq!(rig.core.counters().garbled, garbled + 2);
     // A setpoint whose request was damaged was not taken: that is read, and nothing is written again.

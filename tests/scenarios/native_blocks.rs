@@ -209,7 +209,11 @@ fn a_number_that_does_not_exist_spoils_the_whole_range() {
     for id in ["toshiba-vf-as1", "toshiba-vf-s15"] {
         for (address, count) in [(0xFE14, 3), (0xFE15, 1), (0xFD05, 4), (0xFE0A, 1), (0xFE79, 2), (0xFDFF, 2)] {
             let mut rig = quiet(id, accepting());
-            assert_eq!(read(&mut rig, address, count), NativeOutcome::DriveException(2), "{id}: {address:04X}");
+            assert_eq!(
+                read(&mut rig, address, count),
+                NativeOutcome::DriveException { code: 2, reason: Reason::DriveException },
+                "{id}: {address:04X}"
+            );
             rig.pass(Duration::from_secs(1));
             assert!(rig.answers.is_empty(), "{id}: one answer");
             assert!(reads(&rig).len() <= usize::from(count), "{id}");

@@ -64,7 +64,7 @@ fn report_of(no: No, held: u16) -> Report {
 fn native_of(no: No, held: u16) -> NativeOutcome {
     match no {
         KeepsOldValue => NativeOutcome::KeptOldValue(held),
-        Exception(code) => NativeOutcome::DriveException(code),
+        Exception(code) => NativeOutcome::DriveException { code, reason: Reason::DriveException },
     }
 }
 

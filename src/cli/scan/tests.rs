@@ -141,7 +141,7 @@ impl Asker for Simulated {
         let is_damaged = damage(self.core.as_ref().unwrap()) > before;
         Ok(match outcome {
             NativeOutcome::Words(words) => Heard::Word(words[0]),
-            NativeOutcome::DriveException(code) => Heard::Exception(code),
+            NativeOutcome::DriveException { code, .. } => Heard::Exception(code),
             NativeOutcome::NoReply if is_damaged => Heard::Damaged,
             NativeOutcome::NoReply => Heard::Silent,
             other => panic!("{other:?} for station {station} at {address}"),

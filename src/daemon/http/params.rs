@@ -3,7 +3,7 @@
 
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
-use super::setup::{outcome, shown_or_why_not, word};
+use super::setup::{outcome, outcome_at, shown_or_why_not, word};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
@@ -105,7 +105,7 @@ async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(S
         _ => read(&side, &drive, address).await,
     };
     let held = found.as_ref().ok().map(|held| number(register, *held));
-    let mut shown = shown_or_why_not(held, found.as_ref().err());
+    let mut shown = shown_or_why_not(model, held, found.as_ref().err());
     shown.insert("address".to_owned(), address.into());
     shown.insert("code".to_owned(), code.into());
     answer(&shown.into()).into_response()
@@ -180,7 +180,7 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
     let place = description.place;
     let old = match read(side, drive, address).await {
         Ok(old) => old,
-        Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
+        Err(failed) => return outcome_at(drive, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
     };
     let Some(write) = written(model, address, new) else {
         return outcome(name, Report::refused(Reason::OutsideRange), Vec::new());
@@ -193,5 +193,5 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
     let result = report.outcome.word();
     let reason = report.reason.word();
     tracing::info!(drive = name, by = %Owner::Local, what, old, new, outcome = result, reason, "parameter set");
-    outcome(name, report, vec![json!({ "what": what, "address": address, "old": old, "new": new })])
+    outcome_at(drive, report, vec![json!({ "what": what, "address": address, "old": old, "new": new })])
 }

@@ -9,6 +9,7 @@ use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRef;
+use crate::north::shown::message;
 use crate::profile::model::{Identity, Model, Register, RunForm, SetupItem, Watchdog};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
@@ -69,7 +70,14 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
         changes.push(json!({ "what": what, "address": item.address.map(Address::number), "old": old, "new": new }));
     }
-    outcome(name.as_str(), report, changes)
+    outcome_at(drive, report, changes)
+}
+
+/// The outcome of an order for `drive`, with its vendor's words for an exception.
+pub(super) fn outcome_at(drive: &SharedDrive, report: Report, changes: Vec<Value>) -> Value {
+    let mut told = outcome(drive.description.name.as_str(), report, changes);
+    told["message"] = message(&drive.description.model, &report).into();
+    told
 }
 
 /// The outcome of an order for the drive called `name`.
@@ -128,7 +136,7 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
         Some(Ok(_)) => "wrong",
         Some(Err(_)) => "not_answered",
     };
-    let mut shown = seen(register, found);
+    let mut shown = seen(model, register, found);
     shown.insert("what".to_owned(), item.what.as_str().into());
     shown.insert("text".to_owned(), item.text.as_str().into());
     shown.insert("address".to_owned(), item.address.map(Address::number).into());
@@ -151,7 +159,7 @@ fn shown_identity(drive: &SharedDrive, identity: &Identity, found: Option<&Found
     };
     let register = description.model.register_at(identity.address);
     let wanted = qualified.map_or_else(|| identity.values.value.clone(), |word| vec![word]);
-    let mut shown = seen(register, found);
+    let mut shown = seen(&description.model, register, found);
     shown.insert("what".to_owned(), register.map(Register::label).into());
     shown.insert("mask".to_owned(), identity.mask.into());
     shown.insert("wanted".to_owned(), wanted.into());
@@ -178,7 +186,7 @@ fn shown_watchdog<'f>(
         let held = found_at(address)?.as_ref().ok()?;
         Some(word(model.register_at(address), *held))
     });
-    let mut shown = seen(register, found);
+    let mut shown = seen(model, register, found);
     let what = register.map(|register| register.code.as_deref().unwrap_or(&register.name));
     shown.insert("what".to_owned(), what.into());
     shown.insert("state".to_owned(), state.into());
@@ -189,17 +197,22 @@ fn shown_watchdog<'f>(
 }
 
 /// The word that was read, or why it could not be.
-pub(super) fn seen(register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
+pub(super) fn seen(model: &Model, register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
     let failure = found.and_then(|found| found.as_ref().err());
-    shown_or_why_not(found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held)), failure)
+    let held = found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held));
+    shown_or_why_not(model, held, failure)
 }
 
 /// A value that was read, or why it could not be.
-pub(super) fn shown_or_why_not(word: Option<Value>, failure: Option<&Report>) -> Map<String, Value> {
+pub(super) fn shown_or_why_not(
+    model: &Model,
+    word: Option<Value>,
+    failure: Option<&Report>,
+) -> Map<String, Value> {
     let keys = [
         ("found", word.unwrap_or(Value::Null)),
         ("reason", failure.map(|report| report.reason.word()).into()),
-        ("message", failure.map(|report| report.reason.text()).into()),
+        ("message", failure.map(|report| message(model, report)).into()),
         ("exception", failure.and_then(|report| report.exception).into()),
     ];
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()

@@ -11,7 +11,7 @@ use crate::domain::ids::Name;
 use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{Confidence, Fact, Identity, Model, RunForm, Watchdog};
+use crate::profile::model::{CodeText, Confidence, Fact, Identity, Model, RunForm, Watchdog};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -36,13 +36,15 @@ fn side(interface: Interface, change: impl FnOnce(&mut Model)) -> Arc<LocalSide>
 /// The registers of the drive, and the orders to it. Every order is executed.
 #[derive(Clone, Default)]
 struct Drive {
+    /// The exception with which it answers reads, if it does.
+    refuses: Option<(u8, Reason)>,
     words: Arc<Mutex<BTreeMap<u16, u16>>>,
     orders: Arc<Mutex<Vec<Order>>>,
 }
 
 impl Drive {
     fn holding(words: &[(u16, u16)]) -> Self {
-        Self { words: Arc::new(Mutex::new(words.iter().copied().collect())), orders: Arc::default() }
+        Self { words: Arc::new(Mutex::new(words.iter().copied().collect())), ..Self::default() }
     }
 
     fn hear(&self, message: Message) -> News {
@@ -50,7 +52,10 @@ impl Drive {
             Message::Native(request) => {
                 let NativeAsk::Read { address, count: 1 } = request.ask else { panic!("{request:?}") };
                 let held = self.words.lock().unwrap().get(&address.number()).copied();
-                let outcome = held.map_or(NativeOutcome::NoReply, |word| NativeOutcome::Words(vec![word].into()));
+                let outcome = match (self.refuses, held) {
+                    (Some((code, reason)), _) => NativeOutcome::DriveException { code, reason },
+                    (None, held) => held.map_or(NativeOutcome::NoReply, |word| NativeOutcome::Words(vec![word].into())),
+                };
                 News::Native(NativeAnswer { asker: request.asker, ticket: request.ticket, outcome })
             }
             Message::Command(command) => {
@@ -138,6 +143,29 @@ fn what_is_not_answered_is_not_right() {
     let setup = look_at(&side(Interface::Rs485, |_| {}), &Drive::holding(&[(F010, 3)]));
     assert_eq!(results(&setup)[8], ("F011", "not_answered"));
     assert_eq!((&setup["items"][8]["reason"], &setup["right"]), (&json!("no_reply"), &json!(false)));
+}
+
+#[test]
+fn an_exception_is_told_in_the_vendors_words() {
+    let side = side(Interface::Rs485, |model| {
+        let text = "parameters are locked by password".to_owned();
+        model.exceptions.push(CodeText { code: 7, text, confidence: Confidence::Manual, source: "test".to_owned() });
+    });
+    let drive = Drive { refuses: Some((7, Reason::DriveLocked)), ..Drive::default() };
+    let message = "the drive answered that it is locked against this: parameters are locked by password";
+    let item = look_at(&side, &drive)["items"][8].clone();
+    assert_eq!(
+        (&item["reason"], &item["message"], &item["exception"]),
+        (&json!("drive_locked"), &json!(message), &json!(7))
+    );
+    on_a_runtime(async {
+        drive.play(&side);
+        let path = format!("/api/v1/drives/pump-1/params/{F007}");
+        let (_, seen) = ask(&side, "GET", &path, "").await;
+        assert_eq!((&seen["reason"], &seen["message"]), (&json!("drive_locked"), &json!(message)), "{seen}");
+        let (_, refused) = ask(&side, "POST", &path, r#"{"raw": 5}"#).await;
+        assert_eq!((&refused["reason"], &refused["message"]), (&json!("drive_locked"), &json!(message)), "{refused}");
+    });
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Sets the drive's own watchdog, for `vfd-gateway watchdog` only.
 
-use super::setup::outcome;
+use super::setup::{outcome, outcome_at};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, Who};
@@ -24,7 +24,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     let address = watchdog.time;
     let old = match side.read(place, address, clock::now() + READ_WITHIN).await {
         Ok(old) => old,
-        Err(failed) => return outcome(name, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
+        Err(failed) => return outcome_at(drive, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
     };
     let Some(go) = Go::new(vec![RegisterWrite::new(address, value)], None, None) else {
         return refused(Reason::NotUnderstood);
@@ -38,5 +38,5 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
         drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "drive watchdog set"
     );
     let change = json!({ "what": what, "address": address.number(), "old": old, "new": value });
-    outcome(name, report, vec![change])
+    outcome_at(drive, report, vec![change])
 }

@@ -51,7 +51,7 @@ pub fn answer_of(outcome: &NativeOutcome) -> Answer<'_> {
         NativeOutcome::Words(words) => return Answer::Words(words),
         NativeOutcome::Written => return Answer::Written,
         NativeOutcome::KeptOldValue(_) => exception::SERVER_DEVICE_FAILURE,
-        NativeOutcome::DriveException(code) => *code,
+        NativeOutcome::DriveException { code, .. } => *code,
         NativeOutcome::Refused(why) => exception_of(*why),
         NativeOutcome::Superseded => exception::SERVER_DEVICE_BUSY,
         NativeOutcome::NoReply | NativeOutcome::Expired => exception::GATEWAY_TARGET_FAILED,
@@ -152,8 +152,8 @@ mod tests {
         assert_eq!(answer_of(&NativeOutcome::Written), Answer::Written);
         for (outcome, code) in [
             (NativeOutcome::KeptOldValue(7), 4),
-            (NativeOutcome::DriveException(2), 2),
-            (NativeOutcome::DriveException(0x21), 0x21),
+            (NativeOutcome::DriveException { code: 2, reason: Reason::DriveException }, 2),
+            (NativeOutcome::DriveException { code: 0x21, reason: Reason::DriveBusy }, 0x21),
             (NativeOutcome::Refused(Refusal::NoSuchUnit), 0x0A),
             (NativeOutcome::Refused(Refusal::LineDown), 0x0A),
             (NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)), 1),

@@ -11,6 +11,7 @@ use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::ValueReading;
 use crate::north::broker::{Pending, Request, outside_limits};
 use crate::north::clock::Moment;
+use crate::north::shown::message;
 use serde_json::{Map, Value, json};
 
 impl Session {
@@ -71,8 +72,9 @@ impl Session {
             Request::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             Request::Read(_) => Map::new(),
         };
-        let message = outside_limits(&self.drives[pending.drive], &pending.request, report)
-            .or_else(|| report.holder.map(|_| report.message()));
+        let message = outside_limits(&self.drives[pending.drive], &pending.request, report).or_else(|| {
+            Some(message(&self.drives[pending.drive].model, &report)).filter(|it| it != report.reason.text())
+        });
         let own_words = || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
         // In addition to why it was refused, if it was.
         let message = pending.context.remark.as_ref().map_or_else(

@@ -632,7 +632,8 @@ fn a_read_asks_for_one_word_and_tells_why_it_failed() {
     for (outcome, expected) in [
         (NativeOutcome::NoReply, ("failed", "no_reply")),
         (NativeOutcome::Expired, ("expired", "too_late")),
-        (NativeOutcome::DriveException(2), ("failed", "drive_exception")),
+        (NativeOutcome::DriveException { code: 2, reason: Reason::DriveException }, ("failed", "drive_exception")),
+        (NativeOutcome::DriveException { code: 2, reason: Reason::DriveLocked }, ("failed", "drive_locked")),
         (NativeOutcome::Refused(Refusal::LineDown), ("refused", "line_down")),
         (NativeOutcome::Words(Vec::new().into()), ("failed", "no_reply")),
     ] {

@@ -133,7 +133,7 @@ impl Drive<'_> {
             "last": view.last.map(|report| json!({
                 "outcome": report.outcome.word(),
                 "reason": report.reason.word(),
-                "message": report.message(),
+                "message": shown::message(&self.description.model, &report),
             })),
         })
     }

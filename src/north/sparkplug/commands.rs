@@ -12,6 +12,7 @@ use crate::journal::Tried;
 use crate::north::broker::{Message, NewCommand, Pending, Request, Version, outside_limits, tried_by};
 use crate::north::clock::Moment;
 use crate::north::command_words::{Refused, RunWord, run_word, short};
+use crate::north::shown::message;
 
 const OWNER: Owner = Owner::Sparkplug;
 
@@ -209,9 +210,12 @@ impl Session {
     fn tell(&mut self, drive: usize, report: Report, pending: Option<&Pending<()>>) {
         let description = self.drives.get(drive);
         let limits = pending.zip(description).and_then(|(it, drive)| outside_limits(drive, &it.request, report));
-        let message = limits.unwrap_or_else(|| report.message());
+        let said = limits.unwrap_or_else(|| match description {
+            Some(drive) => message(&drive.model, &report),
+            None => report.message(),
+        });
         if let Some(device) = self.devices.get_mut(drive) {
-            device.tell(report, message);
+            device.tell(report, said);
         }
     }
 }

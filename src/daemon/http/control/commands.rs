@@ -148,7 +148,7 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
 
 /// The outcome of an order.
 fn told(drive: &SharedDrive, report: Report) -> Value {
-    let mut told = setup::outcome(drive.description.name.as_str(), report, Vec::new());
+    let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told
 }

@@ -7,7 +7,7 @@ mod shown;
 
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
-use super::setup::outcome;
+use super::setup::{outcome, outcome_at};
 use crate::config::qualified::{Finding, Qualified, QualifiedDrive, QualifiedFact, Standing};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
@@ -184,7 +184,7 @@ async fn try_out(State(trials): State<Arc<Trials>>, Path(name): Path<String>, bo
     // A client that disconnects does not cancel the order: its lease ends, and the fail-safe action follows.
     let carried_out = tokio::spawn(async move {
         let _place = place;
-        outcome(drive.description.name.as_str(), trials.send(&drive, order, epoch).await, Vec::new())
+        outcome_at(&drive, trials.send(&drive, order, epoch).await, Vec::new())
     });
     match carried_out.await {
         Ok(done) => answer(&done).into_response(),

@@ -11,8 +11,8 @@ use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::journal::trip;
 use crate::north::finding::{Finding, OFFLINE_REMEDY, Severity, Sign, warns_text};
 use crate::north::page::drive::Drive;
-use crate::north::shown::{fresh, warning_text};
-use crate::profile::model::{Register, RunForm, SetupItem};
+use crate::north::shown::{fresh, message, warning_text};
+use crate::profile::model::{Model, Register, RunForm, SetupItem};
 use crate::profile::scale::Scaled;
 
 impl Drive<'_> {
@@ -36,7 +36,7 @@ impl Drive<'_> {
             self.obedience(&mut said, interface, now);
             self.setpoint_limits(&mut said, settings, now);
             self.view.watchdog.iter().for_each(|it| self.watchdog(&mut said, settings, *it));
-            self.view.control.iter().for_each(|it| control(&mut said, it, now));
+            self.view.control.iter().for_each(|it| control(&mut said, it, &description.model, now));
         }
         said.all
     }
@@ -128,7 +128,7 @@ impl Drive<'_> {
     }
 }
 
-fn control(said: &mut Advice, control: &ControlView, now: MonoTime) {
+fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTime) {
     if control.not_effective {
         said.say(Sign::NotEffective, "a stop shows no effect: look after the motor at the drive itself");
     }
@@ -146,13 +146,13 @@ fn control(said: &mut Advice, control: &ControlView, now: MonoTime) {
              found",
         );
     }
-    if let Some(text) = control.last.as_ref().and_then(refused) {
+    if let Some(text) = control.last.as_ref().and_then(|last| refused(model, last)) {
         said.say(Sign::CommandFailed, text);
     }
 }
 
 /// What the outcome of the last command says about the drive or its configuration.
-fn refused(last: &Report) -> Option<String> {
+fn refused(model: &Model, last: &Report) -> Option<String> {
     let hint = match (last.outcome, last.reason) {
         (Outcome::Confirmed | Outcome::Acknowledged, _) => return None,
         (_, Reason::KeptOldValue) => {
@@ -173,7 +173,7 @@ fn refused(last: &Report) -> Option<String> {
         _ => return None,
     };
     let code = last.exception.map(|code| format!(" {code:02X}")).unwrap_or_default();
-    Some(format!("the last command was not carried out: {}{code}; {hint}", last.message()))
+    Some(format!("the last command was not carried out: {}{code}; {hint}", message(model, last)))
 }
 
 /// A word with what it means.
