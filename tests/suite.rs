@@ -63,6 +63,8 @@ mod coils;
 mod commander_lost;
 #[path = "scenarios/commands.rs"]
 mod commands;
+#[path = "scenarios/commits.rs"]
+mod commits;
 #[path = "scenarios/conversation.rs"]
 mod conversation;
 #[path = "scenarios/deaf_times.rs"]

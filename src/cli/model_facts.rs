@@ -93,6 +93,9 @@ impl Unproven {
         for item in &model.setup {
             unproven.add(format!("set-up of {}", item.what), &item.values);
         }
+        for word in model.commit.all() {
+            unproven.add(format!("the word to {} parameters", word.value.effect.word()), word);
+        }
         unproven.add_some("what the drive says it is", model.identity.as_ref().map(|it| &it.values));
         unproven.add_some("what switches the drive's watchdog off", model.watchdog.as_ref().map(|it| &it.off));
         match &model.codes {

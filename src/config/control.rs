@@ -79,6 +79,7 @@ pub(super) fn settle(
         stop_pending_for: file.stop_pending_for.or(ControlSettings::STOP_PENDING_FOR)?,
         native_write: native_write?,
         stored_write_interval: native::stored_write_interval(drive)?,
+        stores_native_writes: native::stores(drive)?,
         ownership: file.ownership.or(Ownership::One)?,
         allow_take: file.allow_take.or(false)?,
         lease: file.lease.or(defaults.lease)?,

@@ -170,6 +170,7 @@ pub(super) struct LimitsFile {
 pub(super) struct NativeFile {
     pub write: RequiredKey<Vec<Spanned<String>>>,
     pub stored_write_interval: OptionalKey<Duration>,
+    pub store: OptionalKey<bool>,
 }
 
 /// `[mqtt]`

@@ -232,6 +232,7 @@ pub const KEYS: &[Key] = &[
 
     key(Section::Native, "write", "list of codes, names or addresses", None, "The registers that may be written; none that `control` uses."),
     key(Section::Native, "stored_write_interval", "\"1s\" to \"24h\"", Some("\"10s\""), "Minimum time between two writes of a register that is stored, or not known to be in RAM."),
+    key(Section::Native, "store", "true or false", Some("false"), "Whether each write is followed by the word that stores parameters, for models with `[commit.store]`: no more often than `stored_write_interval`."),
 
     key(Section::Mqtt, "broker", "\"mqtt://host:port\", \"mqtts://host:port\" or \"embedded\"", None, "The address of the broker. Ports 1883 and 8883 may be omitted. \"embedded\" is for trials only."),
     key(Section::Mqtt, "also_at", "list of \"mqtt://host:port\" or \"mqtts://host:port\"", Some("none"), "The other nodes of a cluster. Each time a connection ends, the next one is tried."),

@@ -1,10 +1,10 @@
 //! The native registers of a drive that clients may write.
 
-use super::file::DriveFile;
+use super::file::{DriveFile, NativeFile};
 use crate::domain::address::Table;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::{Problem, nearest};
-use crate::profile::model::{Model, Register, Role};
+use crate::profile::model::{CommitEffect, Model, Register, Role};
 use crate::toml_file::{OptionalKey, Spanned};
 use std::time::Duration;
 
@@ -37,7 +37,28 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
             Err(problem) => problems.push(problem),
         }
     }
+    stores_by_a_word(file, model, problems);
     Some(addresses)
+}
+
+/// Whether native writes to `drive` are followed by the word that stores them; `None` if that is invalid, see `problems`.
+pub(super) fn stores(drive: &DriveFile) -> Option<bool> {
+    match &drive.native {
+        OptionalKey::Absent => Some(false),
+        OptionalKey::Invalid => None,
+        OptionalKey::Valid(native) => native.value.store.or(false),
+    }
+}
+
+fn stores_by_a_word(file: &NativeFile, model: &Model, problems: &mut Vec<Problem>) {
+    let Some(store) = file.store.valid().filter(|store| store.value) else { return };
+    if model.commit(CommitEffect::Store).is_none() {
+        let what = match model.commit.stated(CommitEffect::Store) {
+            Some(_) => format!("the word by which {} stores parameters is unproven, and is never sent", model.id),
+            None => format!("{} has no word of its own by which it stores parameters", model.id),
+        };
+        problems.push(store.location.problem(what).right("leave it out"));
+    }
 }
 
 /// Minimum time between two writes of a stored register of `drive`; `None` if it is invalid, see `problems`.

@@ -181,6 +181,8 @@ pub struct ControlSettings {
     pub min_start_interval: Duration,
     /// Minimum time between two writes of a stored register.
     pub stored_write_interval: Duration,
+    /// What is written natively is also stored, where the drive stores parameters only after a word of its own.
+    pub stores_native_writes: bool,
     /// RUN is accepted only while the drive's own watchdog is known to be on and short enough.
     pub require_watchdog: bool,
     /// The declared time of the drive's own watchdog; `None` if it is not declared.
@@ -236,6 +238,7 @@ impl ControlSettings {
             lease: LeaseMode::Session,
             min_start_interval: Duration::ZERO,
             stored_write_interval: Self::STORED_WRITE_INTERVAL,
+            stores_native_writes: false,
             require_watchdog: false,
             watchdog: None,
             failsafe_confirm_timeout: Self::FAILSAFE_CONFIRM_TIMEOUT,

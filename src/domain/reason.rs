@@ -163,6 +163,8 @@ reasons! {
     SignUnknown = 63, "sign_unknown", "the sign of a setpoint alone could turn the motor round: order run with it";
     /// One word of a value of two words: both are written together or not at all.
     HalfAValue = 64, "half_a_value", "the register is half of a value of two words: write both words in one request of function 10 hex";
+    /// The drive did not take the word after which written parameters act or are stored.
+    NotCommitted = 65, "not_committed", "the parameters were written, but the drive did not take the word after which they act or outlast its power";
 }
 
 impl Reason {

@@ -13,7 +13,7 @@ use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Flag, Model, OrderKind};
+use crate::profile::model::{CommitWord, Flag, Model, OrderKind};
 use crate::wire::pdu::{Request, function};
 use setpoint::{check_setting, setpoint, setpoint_and_run, setpoint_of_run};
 use std::time::Duration;
@@ -151,6 +151,8 @@ impl Condition {
 pub enum StepPart {
     /// It sets a register without a role.
     Register,
+    /// It takes over or stores the registers that were set before.
+    Commit,
     /// It gives the setpoint.
     Setpoint(Hertz),
     /// It gives the setpoint, whose sign orders the direction: a motor that turns follows it at once.
@@ -325,6 +327,14 @@ pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
 pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let (address, value) = order(model, OrderKind::Release)?;
     Ok(vec![Step::Write(vec![Write { address, value, part: StepPart::Release, shown: Vec::new() }])])
+}
+
+/// The step that writes `word`, by which the drive takes over or stores what was written before. Its echo is all that the
+/// drive shows of it.
+#[must_use]
+pub fn of_commit(word: &CommitWord) -> Step {
+    let CommitWord { address, value, .. } = *word;
+    Step::Write(vec![Write { address, value, part: StepPart::Commit, shown: Vec::new() }])
 }
 
 /// The steps that set the registers in `addresses` that the drive needs before it obeys the bus, in the model's order.

@@ -263,7 +263,8 @@ impl Execution {
         if !matches!(self.stage, Stage::Step(_)) {
             return self.give_up_reading();
         }
-        let failed = Report::new(Outcome::Failed, reason_of(kind));
+        let reason = if self.commits() { Reason::NotCommitted } else { reason_of(kind) };
+        let failed = Report::new(Outcome::Failed, reason);
         Next::Ends(Report { exception: Some(code), ..failed })
     }
 
@@ -278,6 +279,8 @@ impl Execution {
         let is_later = self.approved.steps().iter().take(index).any(|step| !writes_of(step).is_empty());
         match part {
             StepPart::TakesBack | StepPart::TakesStartBack => self.end_of_reset_unanswered(),
+            // No register shows whether it was taken.
+            StepPart::Commit => Next::Ends(Report::new(Outcome::Unknown, Reason::NotCommitted)),
             // The run word was not sent, and is not.
             StepPart::Direction(_) | StepPart::Start => Next::Ends(Report::new(Outcome::Failed, Reason::NoReply)),
             StepPart::Reset { resets: false, .. } if is_later => self.end_of_reset_unanswered(),
@@ -313,7 +316,8 @@ impl Execution {
             }
             (Some(Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_)), _) => self.unanswered(),
             (Some(Step::Write(writes)), Reply::Holds { value }) if writes.iter().any(|it| it.value != *value) => {
-                let kept = Report::new(Outcome::Failed, Reason::KeptOldValue);
+                let reason = if self.commits() { Reason::NotCommitted } else { Reason::KeptOldValue };
+                let kept = Report::new(Outcome::Failed, reason);
                 Next::Ends(Report { held: Some(*value), ..kept })
             }
             (Some(Step::Write(_)), _) => {
@@ -354,9 +358,15 @@ impl Execution {
         // What comes before another write shows in the effect of that.
         let comes_before =
             |part| matches!(part, StepPart::Start | StepPart::Direction(_) | StepPart::Reset { ends: false, .. });
-        let shows = |write: &Write| !write.shown.is_empty() || comes_before(write.part);
+        let shows =
+            |write: &Write| !write.shown.is_empty() || comes_before(write.part) || write.part == StepPart::Commit;
         let outcome = if has_read_back && writes.all(shows) { Outcome::Confirmed } else { Outcome::Acknowledged };
         Next::Ends(Report::new(outcome, Reason::None))
+    }
+
+    /// Whether the next request takes over or stores what was written.
+    fn commits(&self) -> bool {
+        self.present_writes().iter().any(|write| write.part == StepPart::Commit)
     }
 
     /// Whether every write so far was answered.

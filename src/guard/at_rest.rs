@@ -135,7 +135,10 @@ impl DriveGuard {
             return Err(refused(Reason::NotUnderstood));
         }
         self.may_change_at_rest(command, facts, now)?;
-        let steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
+        let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        let commit = self.last_commit(&control, now)?;
+        let mut steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
+        self.commit_after(&mut steps, commit.as_ref(), now);
         Ok(Verdict::Go(self.approve(command, Order::Setup(addresses.to_vec()), steps)))
     }
 

@@ -3,7 +3,7 @@
 use crate::domain::address::Address;
 use crate::domain::command::RegisterWrite;
 use crate::domain::time::MonoTime;
-use crate::profile::model::Model;
+use crate::profile::model::{CommitEffect, CommitWord, Model};
 use std::time::Duration;
 
 /// The last start and the last writes of stored registers.
@@ -28,10 +28,21 @@ impl Interlocks {
     /// `writes` were approved: remembers those to stored registers.
     pub fn approved(&mut self, model: &Model, writes: &[RegisterWrite], now: MonoTime) {
         for RegisterWrite { address, .. } in writes.iter().filter(|write| model.is_stored(write.address)) {
-            match self.written.iter_mut().find(|(written, _)| written == address) {
-                Some((_, at)) => *at = now,
-                None => self.written.push((*address, now)),
-            }
+            self.remember(*address, now);
+        }
+    }
+
+    /// The drive was told to store what was written before.
+    pub fn stored(&mut self, word: &CommitWord, now: MonoTime) {
+        if word.effect == CommitEffect::Store {
+            self.remember(word.address, now);
+        }
+    }
+
+    fn remember(&mut self, address: Address, now: MonoTime) {
+        match self.written.iter_mut().find(|(written, _)| *written == address) {
+            Some((_, at)) => *at = now,
+            None => self.written.push((address, now)),
         }
     }
 

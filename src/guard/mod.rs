@@ -6,6 +6,7 @@
 pub mod access;
 mod approved;
 mod at_rest;
+mod commit;
 #[cfg(test)]
 mod control_tests;
 mod full_scale;

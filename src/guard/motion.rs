@@ -48,7 +48,9 @@ impl DriveGuard {
             self.knows_full_scale(now)?;
         }
         let go = self.signed(go, control, facts)?;
-        let steps = steps::of_go(&self.model, &go, control, self.setpoint(), &self.bases).map_err(no_steps)?;
+        let commit = self.commit_of(&go, control, facts, now)?;
+        let mut steps = steps::of_go(&self.model, &go, control, self.setpoint(), &self.bases).map_err(no_steps)?;
+        self.commit_after(&mut steps, commit.as_ref(), now);
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
         if moves || (renews && self.counts_as_held_by(owner, control)) {
             self.take_lease(owner, now);

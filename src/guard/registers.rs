@@ -7,7 +7,7 @@ use crate::domain::command::{CommandRequest, Go, Order, Origin, Owner, Reason, R
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
 use crate::drive::{decode, steps};
-use crate::profile::model::{ParameterKind, Register};
+use crate::profile::model::{CommitEffect, ParameterKind, Register};
 
 impl DriveGuard {
     /// The register is listed, does not bypass control even if listed, and is not written too often.
@@ -53,6 +53,9 @@ impl DriveGuard {
         facts: &Facts,
         now: MonoTime,
     ) -> Result<Verdict, Report> {
+        if let Some(word) = self.commits(go) {
+            return self.review_commit(command, &word, facts, now);
+        }
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         for write in go.registers() {
             let register = self.model.writable_at(write.address).ok_or(refused(Reason::NotListed))?;
@@ -76,7 +79,10 @@ impl DriveGuard {
             }
         }
         self.may_change_at_rest(command, facts, now)?;
-        let steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
+        let mut steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
+        // What stores them is sent once, after the last one.
+        let applies = self.model.commit(CommitEffect::Apply).cloned();
+        self.commit_after(&mut steps, applies.as_ref(), now);
         self.interlocks.approved(&self.model, go.registers(), now);
         Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
     }
@@ -95,7 +101,9 @@ impl DriveGuard {
         }
         self.may_change_at_rest(command, facts, now)?;
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
-        let steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
+        let commit = self.last_commit(&control, now)?;
+        let mut steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
+        self.commit_after(&mut steps, commit.as_ref(), now);
         Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
     }
 }

@@ -81,6 +81,9 @@ pub(super) fn told(problems: &[Problem], text: &str) -> String {
 /// A sound model whose drive has rules of its own for the exchange of frames.
 pub(super) const EXCHANGE: &str = include_str!("../../tests/golden/models/exchange.toml");
 
+/// A sound model whose drive takes over and stores parameters by words of their own.
+pub(super) const MEMORY: &str = include_str!("../../tests/golden/models/memory.toml");
+
 /// Asserts that each replacement in [`EXCHANGE`] is reported, with place, mistake and what would be right.
 pub(super) fn each_mistake_is_told(changes: &[(&str, &str, &str)]) {
     check::model(EXCHANGE).unwrap();

@@ -56,12 +56,25 @@ pub struct Catalogue {
     pub model: String,
     /// Whether anything may be written to this drive at all.
     pub may_be_written: bool,
+    /// What follows the last parameter that is written; `None` if the drive needs nothing.
+    pub commit: Option<CommitNeed>,
     /// Its parameters.
     pub parameters: Vec<ListedParameter>,
     /// The registers of the model that are not parameters.
     pub left_out: Vec<LeftOut>,
     /// The groups of the drive's parameters, where the model has a rule for them.
     pub groups: Vec<UnknownOf>,
+}
+
+/// A word after which the drive takes over or stores its parameters.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CommitNeed {
+    /// Whether it stores them; otherwise they act only after it.
+    pub stores: bool,
+    /// Its register.
+    pub what: String,
+    /// The gateway sends it; otherwise it is unproven.
+    pub is_sent: bool,
 }
 
 /// The parameters of a group that the model does not describe: the drive may or may not have them.
@@ -109,6 +122,11 @@ impl Live {
         Ok(Catalogue {
             model: text(&list, "model"),
             may_be_written: list["may_be_written"] == true,
+            commit: list["commit"].is_object().then(|| CommitNeed {
+                stores: list["commit"]["does"] == "store",
+                what: text(&list["commit"], "what"),
+                is_sent: list["commit"]["is_sent"] == true,
+            }),
             parameters: all("parameters").filter_map(known).collect(),
             left_out: all("left_out").map(left_out).collect(),
             groups: all("groups").map(group).collect(),
@@ -227,6 +245,17 @@ impl Live {
         let body = json!({ "raw": raw });
         let done = self.ask(Question { method: Method::POST, path: &path, body: Some(&body) }).await?;
         Ok(if done["outcome"] == "confirmed" { None } else { Some(outcome(&done)) })
+    }
+
+    /// Lets the drive take over or store what was written. `None` means that it has acknowledged that; else why not.
+    ///
+    /// # Errors
+    /// The gateway does not answer: the outcome is unknown.
+    pub async fn commit(&self) -> Result<Option<String>, Failure> {
+        let path = format!("{}/commit", self.path(None));
+        let done = self.ask(Question { method: Method::POST, path: &path, body: None }).await?;
+        let is_taken = done["outcome"] == "acknowledged" || done["outcome"] == "confirmed";
+        Ok(if is_taken { None } else { Some(outcome(&done)) })
     }
 
     fn path(&self, address: Option<u16>) -> String {

@@ -2,7 +2,7 @@
 
 use super::diff::{Change, Plan, plan};
 use super::file::{Dump, LeftOut};
-use super::live::{Catalogue, ListedParameter, Live};
+use super::live::{Catalogue, CommitNeed, ListedParameter, Live};
 use crate::cli::enable::ask_for_consent;
 use crate::cli::progress::Bar;
 use crate::cli::setup::table;
@@ -38,7 +38,7 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result
         others.map(|it| ListedParameter { code: it.code.clone(), address: it.address, ..ListedParameter::default() });
     let now = live.dump(&catalogue.model, &of_interest.into_iter().chain(others).collect::<Vec<_>>()).await?;
     let plan = plan(wanted, &now, &catalogue.parameters, wish.with_link);
-    print(&format!("{}{}", not_held(wanted, &catalogue), shown(&plan, live)))?;
+    print(&format!("{}{}", not_held(wanted, &catalogue), shown(&plan, live, catalogue.commit.as_ref())))?;
     if plan.writes.is_empty() || wish.dry_run {
         return Ok(());
     }
@@ -49,7 +49,7 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result
     if !wish.yes {
         ask_for_consent()?;
     }
-    write(&plan.writes, live).await
+    write(&plan.writes, live, catalogue.commit.as_ref()).await
 }
 
 /// What a copy made from `wanted` lacks, whatever is written.
@@ -76,7 +76,7 @@ fn not_held(wanted: &Dump, catalogue: &Catalogue) -> String {
 }
 
 /// What would change, what is left unchanged, and what it costs.
-fn shown(plan: &Plan, live: &Live) -> String {
+fn shown(plan: &Plan, live: &Live, commit: Option<&CommitNeed>) -> String {
     let mut text = String::new();
     if !plan.left.is_empty() {
         let rows = plan.left.iter().map(|(it, reason)| [it.code.clone(), it.shown(), reason.clone()]);
@@ -97,6 +97,7 @@ fn shown(plan: &Plan, live: &Live) -> String {
             plan.writes.len()
         ));
     }
+    text.push_str(&commit.map(announced).unwrap_or_default());
     if plan.writes.iter().any(|change| change.kind == "source") {
         text.push_str(
             "WARNING: this may hand the drive to its panel or terminals; a closed terminal may start the motor\n",
@@ -108,7 +109,23 @@ fn shown(plan: &Plan, live: &Live) -> String {
     text
 }
 
-async fn write(writes: &[Change], live: &Live) -> Result<(), Failure> {
+/// What follows the writes.
+fn announced(commit: &CommitNeed) -> String {
+    let CommitNeed { stores, what, is_sent } = commit;
+    match (is_sent, stores) {
+        (true, true) => format!("then all parameters are stored, by one write of {what}\n"),
+        (true, false) => format!("then they are taken over, by one write of {what}\n"),
+        (false, true) => format!(
+            "WARNING: the drive forgets them with its power unless {what} stores them, which is unproven and is not written\n"
+        ),
+        (false, false) => {
+            format!("WARNING: they may not act before {what} takes them over, which is unproven and is not written\n")
+        }
+    }
+}
+
+async fn write(writes: &[Change], live: &Live, commit: Option<&CommitNeed>) -> Result<(), Failure> {
+    let commit = commit.filter(|commit| commit.is_sent);
     let mut bar = Bar::new(writes.len());
     for (at, change) in writes.iter().enumerate() {
         bar.to(at, &change.new.code);
@@ -118,10 +135,31 @@ async fn write(writes: &[Change], live: &Live) -> Result<(), Failure> {
             Err(failure) => failure.to_string(),
         };
         bar.end();
-        return Err(Failure::failed(ended(writes, at, &refused)));
+        let without = commit.filter(|_| at > 0).map(lacking).unwrap_or_default();
+        return Err(Failure::failed(format!("{}{without}", ended(writes, at, &refused))));
     }
     bar.end();
-    print(&format!("{} written and read back\n", writes.len()))
+    let Some(commit) = commit else { return print(&format!("{} written and read back\n", writes.len())) };
+    match live.commit().await? {
+        None => {
+            let done = if commit.stores { "stored" } else { "taken over" };
+            print(&format!("{} written, read back and {done}\n", writes.len()))
+        }
+        Some(refused) => {
+            let what = &commit.what;
+            let text = format!("{what}: {refused}; {} written and read back{}", writes.len(), lacking(commit));
+            Err(Failure::failed(text))
+        }
+    }
+}
+
+/// What the written parameters lack without the word that follows them.
+const fn lacking(commit: &CommitNeed) -> &'static str {
+    if commit.stores {
+        "; what was written is not stored: the drive forgets it with its power"
+    } else {
+        "; what was written may not act"
+    }
 }
 
 /// The message for when the write at place `at` was refused.
@@ -139,6 +177,15 @@ fn ended(writes: &[Change], at: usize, refused: &str) -> String {
 mod tests {
     use super::super::file::Parameter;
     use super::*;
+
+    #[test]
+    fn what_follows_the_writes_is_told_before_them() {
+        let said = |stores, is_sent| announced(&CommitNeed { stores, what: "save".to_owned(), is_sent });
+        assert_eq!(said(true, true), "then all parameters are stored, by one write of save\n");
+        assert_eq!(said(false, true), "then they are taken over, by one write of save\n");
+        assert!(said(true, false).contains("forgets them with its power unless save stores them"));
+        assert!(said(false, false).contains("may not act before save"));
+    }
 
     #[test]
     fn the_end_says_what_was_written_and_what_was_not() {

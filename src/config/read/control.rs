@@ -61,6 +61,7 @@ pub(super) fn read_native(mut reader: Reader<'_, '_>) -> NativeFile {
     let native = NativeFile {
         write: reader.required_list("write", &Kind::text()),
         stored_write_interval: reader.optional("stored_write_interval", &Kind::duration(STORED_WRITE)),
+        store: reader.optional("store", &Kind::flag()),
     };
     reader.finish();
     native

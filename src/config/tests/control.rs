@@ -61,6 +61,7 @@ fn a_control_section_gets_its_defaults() {
             lease: LeaseMode::Session,
             min_start_interval: Duration::ZERO,
             stored_write_interval: seconds(10),
+            stores_native_writes: false,
             require_watchdog: false,
             watchdog: None,
             failsafe_confirm_timeout: seconds(5),

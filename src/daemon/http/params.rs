@@ -13,13 +13,13 @@ use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, R
 use crate::drive::view::RunState;
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_number};
 use crate::north::shown::run_state;
-use crate::profile::model::{Group, Model, Register, Role};
+use crate::profile::model::{CommitEffect, Group, Model, Register, Role};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,6 +31,7 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 pub(super) fn router() -> Router<Arc<LocalSide>> {
     Router::new()
         .route("/api/v1/drives/{name}/params", get(list))
+        .route("/api/v1/drives/{name}/params/commit", post(commit))
         .route("/api/v1/drives/{name}/params/{address}", get(look).post(set))
 }
 
@@ -45,6 +46,7 @@ async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> R
         "model": model.id,
         "may_be_written": description.control.is_some(),
         "parameters": model.parameters().map(|register| parameter(model, register)).collect::<Vec<_>>(),
+        "commit": commit_word(model),
         "left_out": left_out(model),
         "groups": model.groups().iter().map(|group| others(model, group)).collect::<Vec<_>>(),
     });
@@ -61,6 +63,17 @@ fn parameter(model: &Model, register: &Register) -> Value {
         "kind": register.parameter_kind().word(),
         "reason": register.back_door,
         "is_stored": model.is_stored(register.address),
+    })
+}
+
+/// The word that follows the last parameter that is restored; `null` if the drive needs none.
+fn commit_word(model: &Model) -> Value {
+    let stated = [CommitEffect::Store, CommitEffect::Apply].into_iter().find_map(|it| model.commit.stated(it));
+    let last = model.last_commit().or(stated.map(|fact| &fact.value));
+    last.map_or(Value::Null, |word| {
+        let is_sent = model.commit(word.effect).is_some();
+        let what = model.writable_at(word.address).map(Register::label);
+        json!({ "does": word.effect.word(), "what": what, "is_sent": is_sent })
     })
 }
 
@@ -125,6 +138,32 @@ async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(St
     let carried_out = tokio::spawn(async move {
         let _place = place;
         write(&side, &drive, address, raw).await
+    });
+    match carried_out.await {
+        Ok(done) => answer(&done).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}
+
+/// Lets the drive take over or store what was written.
+async fn commit(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+    let Some(place) = side.place() else { return too_many(&name) };
+    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(word) = drive.description.model.last_commit().cloned() else {
+        return answer(&outcome_at(&drive, Report::refused(Reason::NotCapable), Vec::new())).into_response();
+    };
+    // A client that disconnects does not cancel the order; its outcome is logged.
+    let carried_out = tokio::spawn(async move {
+        let _place = place;
+        let write = RegisterWrite::new(word.address, word.value);
+        let Some(go) = Go::new(vec![write], None, None) else {
+            return outcome_at(&drive, Report::refused(Reason::NotUnderstood), Vec::new());
+        };
+        let report = side.command(Who::TOOL, drive.description.place, Order::Go(go)).await;
+        let name = drive.description.name.as_str();
+        let (does, result, reason) = (word.effect.word(), report.outcome.word(), report.reason.word());
+        tracing::info!(drive = name, by = %Owner::Local, does, outcome = result, reason, "parameters committed");
+        outcome_at(&drive, report, Vec::new())
     });
     match carried_out.await {
         Ok(done) => answer(&done).into_response(),

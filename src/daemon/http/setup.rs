@@ -10,7 +10,7 @@ use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRef;
 use crate::north::shown::message;
-use crate::profile::model::{Identity, Model, Register, RunForm, SetupItem, Watchdog};
+use crate::profile::model::{CommitEffect, Identity, Model, Register, RunForm, SetupItem, Watchdog};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::time::Duration;
@@ -192,7 +192,9 @@ fn shown_watchdog<'f>(
     shown.insert("state".to_owned(), state.into());
     shown.insert("action".to_owned(), action.into());
     shown.insert("judged".to_owned(), judged.into());
-    shown.insert("is_stored".to_owned(), model.is_stored(watchdog.time).into());
+    // One that is stored by a word of its own may have been.
+    let is_stored = model.is_stored(watchdog.time) || model.commit(CommitEffect::Store).is_some();
+    shown.insert("is_stored".to_owned(), is_stored.into());
     shown
 }
 

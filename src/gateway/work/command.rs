@@ -222,6 +222,7 @@ impl DriveWork {
                     | StepPart::Direction(_)
                     | StepPart::TakesStartBack
                     | StepPart::Register
+                    | StepPart::Commit
                     | StepPart::Reset { .. }
                     | StepPart::Release
                     | StepPart::TakesBack => {}

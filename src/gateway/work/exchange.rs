@@ -277,6 +277,7 @@ impl DriveWork {
             StepPart::Reset { .. } => self.guard.setpoint_may_be_lost(),
             StepPart::Start
             | StepPart::Register
+            | StepPart::Commit
             | StepPart::Release
             | StepPart::TakesBack
             | StepPart::TakesStartBack => {}
@@ -326,7 +327,7 @@ impl DriveWork {
                     self.trips.reset_acknowledged();
                 }
             }
-            StepPart::Start | StepPart::Register | StepPart::Reset { .. } => {}
+            StepPart::Start | StepPart::Register | StepPart::Commit | StepPart::Reset { .. } => {}
         }
     }
 }

@@ -46,6 +46,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::DriveInTrip
         | Reason::NotReadBack
         | Reason::NotReady
+        | Reason::NotCommitted
         | Reason::NotEffective => exception::SERVER_DEVICE_FAILURE,
         Reason::StartInhibited
         | Reason::StopPending
@@ -116,7 +117,7 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 65] = [
+    const CODES: [u8; 66] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
@@ -125,7 +126,7 @@ mod tests {
         6, 6, 6, 6, 6, 1, 6, 6, // line_quality, starts_too_often, ... no_take, removed, stop_refused
         11, 6, 6, 1, 6, // clock_ahead, precondition, other_drive, not_over_bus, full_scale_unknown
         6, 4, 4, 4, // drive_busy, drive_locked, drive_in_trip, not_ready
-        6, 3, // sign_unknown, half_a_value
+        6, 3, 4, // sign_unknown, half_a_value, not_committed
     ];
 
     #[test]

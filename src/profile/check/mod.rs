@@ -1,5 +1,6 @@
 //! From the text of a model file to a sound model, or to all its problems at once.
 
+mod commit;
 mod exchange;
 mod keys;
 mod link;
@@ -71,6 +72,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     start::check(file, problems);
     state::check(file, problems);
     status::check(file, problems);
+    commit::check(file, problems);
     setup::check(file, problems);
 }
 

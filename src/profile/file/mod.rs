@@ -2,6 +2,7 @@
 //! part converts into its counterpart in the model.
 
 mod codes;
+mod commit;
 mod documents;
 mod exchange;
 mod facts;
@@ -17,6 +18,7 @@ mod state;
 mod status;
 
 pub(super) use codes::CodesFile;
+pub(super) use commit::{CommitFile, CommitWordFile};
 pub(super) use documents::DocumentsFile;
 pub(super) use exchange::{BarrierFile, BarrierForm, BlockFile, ReadFile, WriteFile};
 pub(super) use facts::{FactFile, Origin};
@@ -58,6 +60,7 @@ pub(super) struct ModelFile {
     pub status: Vec<StatusFile>,
     pub trips: Vec<CodeFile>,
     pub warnings: Vec<CodeFile>,
+    pub commit: OptionalKey<CommitFile>,
     pub setup: Vec<SetupFile>,
     pub identity: OptionalKey<IdentityFile>,
     pub watchdog: OptionalKey<WatchdogFile>,
@@ -102,6 +105,7 @@ impl ModelFile {
             status: all(&mut reader, "status", |reader| StatusFile::read(proven, reader)),
             trips: all(&mut reader, "trip", |reader| CodeFile::read_code_or_bit(proven, reader)),
             warnings: all(&mut reader, "warning", |reader| CodeFile::read_code_or_bit(proven, reader)),
+            commit: given(&mut reader, "commit", |reader| CommitFile::read(proven, reader)),
             setup: all(&mut reader, "setup", |reader| SetupFile::read(proven, reader)),
             identity: given(&mut reader, "identity", |reader| IdentityFile::read(proven, reader)),
             watchdog: given(&mut reader, "watchdog", |reader| WatchdogFile::read(proven, reader)),
@@ -159,6 +163,7 @@ impl ModelFile {
             status: each(&self.status, |it| it.ready(&self.registers))?,
             trip_codes: each(&self.trips, CodeFile::ready)?,
             warning_codes: each(&self.warnings, CodeFile::ready)?,
+            commit: made(&self.commit, |it| it.ready(&self.registers))?.unwrap_or_default(),
             setup,
             identity,
             watchdog,

@@ -2,6 +2,7 @@
 
 mod codes;
 mod command;
+mod commit;
 mod document;
 mod evidence;
 mod form;
@@ -18,6 +19,7 @@ mod watchdog;
 
 pub use codes::CodeRule;
 pub use command::{Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, Watchdog, WriteRules};
+pub use commit::{Commit, CommitEffect, CommitWord};
 pub use document::{Document, DocumentKind};
 pub use evidence::SecondSource;
 pub use form::{Addend, Basis, Form, FullScale, ScaleBy, Whole, WordOrder};
@@ -130,6 +132,8 @@ pub struct Model {
     pub trip_codes: Vec<CodeText>,
     /// Texts of warnings.
     pub warning_codes: Vec<CodeText>,
+    /// How the drive takes over and stores what was written to its parameters, if it does not do so by itself.
+    pub commit: Commit,
     /// The settings that the drive needs before it obeys the bus, in order.
     pub setup: Vec<SetupItem>,
     /// How the drive tells what it is, if it does.

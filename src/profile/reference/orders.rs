@@ -223,6 +223,29 @@ pub(super) const ORDERS: &[Section] = &[
 
 pub(super) const STATES: &[Section] = &[
     Section {
+        table: "commit",
+        says: "The words by which the drive takes over or stores what was written to its parameters, where it does not do so by \
+               itself. Each is written by the gateway alone, to a register with `back_door`, and never with a setpoint or a run \
+               command. How long the drive hears nothing afterwards is `deaf_after` of the register. A word that is not proven is \
+               never sent.",
+        keys: &[
+            ("apply", "written parameters act at once", "Parameters act only after this word. It follows every write of one."),
+            ("apply.register", "", "The name of its register."),
+            ("apply.value", "", "The word."),
+            ("apply.at_standstill", "no", "It is not sent while the motor may turn, and neither is what it would take over."),
+            (
+                "store",
+                "written parameters are stored by their `memory`",
+                "Parameters outlast the drive's power only after this word, which applies them too. It follows `enable`, \
+                 `watchdog` and, once, all of `params restore`; native writes only with `store = true` in \
+                 `[line.drive.native]`. It wears out a memory: `stored_write_interval` holds for it.",
+            ),
+            ("store.register", "", "The name of its register."),
+            ("store.value", "", "The word."),
+            ("store.at_standstill", "no", "As for `apply`."),
+        ],
+    },
+    Section {
         table: "status",
         says: "States that a register shows. Rows are told apart by `flag`.",
         keys: &[

@@ -4,7 +4,7 @@ use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
 use crate::domain::control::ControlAction;
 use crate::profile::model::{
-    BitMeaning, Model, OrderKind, OrderedWord, ResetWrite, RunBit, RunCommand, RunField, RunForm, SetupItem, StartStep,
+    BitMeaning, CommitEffect, Model, OrderKind, OrderedWord, ResetWrite, RunBit, RunCommand, RunField, RunForm, SetupItem, StartStep,
     ZeroWord,
 };
 use crate::profile::words::{BIT_MEANINGS, NEEDED_FOR};
@@ -126,6 +126,21 @@ pub(super) fn unproven_actions(model: &Model, run: &RunCommand) -> Vec<Row> {
         .map(|(action, fact)| vec![action.word().to_owned(), fact.confidence.word().to_owned(), fact.source.clone()]);
     let rows: Vec<_> = basic.chain(unproven).collect();
     if rows.is_empty() { vec![vec!["none".to_owned()]] } else { rows }
+}
+
+/// The words that follow writes of parameters.
+pub(super) fn commit(model: &Model) -> Vec<Row> {
+    let rows = model.commit.all().map(|fact| {
+        let word = &fact.value;
+        let does = match word.effect {
+            CommitEffect::Apply => "they act only after",
+            CommitEffect::Store => "they outlast the power only after",
+        };
+        let when = if word.at_standstill { ", at standstill alone" } else { "" };
+        let unproven = if fact.confidence.is_proven() { "" } else { "; never sent: unproven" };
+        row(does, format!("{} in {}{when}{unproven}", word.value, name_at(model, word.address)), fact)
+    });
+    rows.collect()
 }
 
 pub(super) fn setup(model: &Model) -> Vec<Row> {

@@ -44,6 +44,7 @@ pub fn summary(model: &Model) -> String {
         let heading = "Unproven control actions, each off until `accept_unverified` names it";
         section(&mut text, heading, command::unproven_actions(model, run));
     }
+    section(&mut text, "After parameters were written", command::commit(model));
     section(&mut text, "Set-up, in this order", command::setup(model));
     section(&mut text, "Orders that are refused while a setting is wrong", command::needed(model));
     section(&mut text, "Identity", command::identity(model));
@@ -64,7 +65,7 @@ pub fn summary(model: &Model) -> String {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::testing::{EVERYTHING, EXCHANGE, MODEL, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
+    use crate::profile::testing::{EVERYTHING, EXCHANGE, MEMORY, MODEL, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
 
     #[test]
     fn only_what_is_known_is_shown() {
@@ -117,6 +118,7 @@ mod tests {
     #[test]
     fn the_rules_of_an_exchange_are_shown() {
         golden("exchange.txt", &summary(&check::model(EXCHANGE).unwrap()));
+        golden("memory.txt", &summary(&check::model(MEMORY).unwrap()));
     }
 
     #[test]

@@ -223,7 +223,11 @@ impl SimDrive {
             if !register.takes_both(words) {
                 return Err(Denied::Refused(Objection::Value));
             }
-            self.take_number(MemoryAddress { index, is_twin: false }, number);
+            if self.waits_for_commit(register) {
+                self.memory.hold_back(index, number);
+            } else {
+                self.take_number(MemoryAddress { index, is_twin: false }, number);
+            }
             return Ok(());
         }
         let micro = self.micro_of_number(register, number.into());
@@ -254,8 +258,14 @@ impl SimDrive {
         if let Some(deaf) = self.model.registers[place.index].deaf_after {
             self.deaf_until = self.deaf_until.max(at + deaf);
         }
-        self.take(place, value);
-        self.follow_register(at, place.index);
+        if self.take_commit(at, place, value)? {
+            self.take(place, value);
+        } else if self.waits_for_commit(&self.model.registers[place.index]) {
+            self.memory.hold_back(place.index, value.into());
+        } else {
+            self.take(place, value);
+            self.follow_register(at, place.index);
+        }
         Ok(())
     }
 }

@@ -14,6 +14,8 @@ use std::time::Duration;
 pub(super) struct Memory {
     now: Vec<u32>,
     stored: Vec<u32>,
+    /// What was written and does not act yet.
+    waiting: Vec<Option<u32>>,
     stored_writes: Vec<u64>,
 }
 
@@ -28,7 +30,7 @@ pub(super) struct MemoryAddress {
 impl Memory {
     pub(super) fn new(model: &Model, options: &DriveOptions) -> Self {
         let now: Vec<_> = model.registers.iter().map(|register| first_word(model, register, options).into()).collect();
-        Self { stored: now.clone(), stored_writes: vec![0; now.len()], now }
+        Self { stored: now.clone(), waiting: vec![None; now.len()], stored_writes: vec![0; now.len()], now }
     }
 
     pub(super) fn word(&self, index: usize) -> u16 {
@@ -43,6 +45,23 @@ impl Memory {
     /// Holds `word` until power-off.
     pub(super) fn hold(&mut self, index: usize, word: u16) {
         self.now[index] = word.into();
+    }
+
+    /// Keeps `number` back until [`Self::apply`].
+    pub(super) fn hold_back(&mut self, index: usize, number: u32) {
+        self.waiting[index] = Some(number);
+    }
+
+    /// What was kept back acts, and is lost with the power; false if there was nothing.
+    pub(super) fn apply(&mut self, index: usize) -> bool {
+        let number = self.waiting[index].take();
+        number.into_iter().for_each(|number| self.now[index] = number);
+        number.is_some()
+    }
+
+    /// What it holds outlasts the power.
+    pub(super) fn store(&mut self, index: usize) {
+        self.stored[index] = self.now[index];
     }
 
     /// Holds and stores `word`, as the drive's own panel does.
@@ -78,6 +97,7 @@ impl Memory {
     /// Resets everything to the stored words.
     pub(super) fn lose_power(&mut self) {
         self.now.clone_from(&self.stored);
+        self.waiting.fill(None);
     }
 
     pub(super) fn stored_writes(&self, index: usize) -> u64 {

@@ -6,6 +6,7 @@
 //! | `denied` | exception codes |
 //! | `memory` | register contents, volatile and stored |
 //! | `command` | meaning of a run command |
+//! | `commit` | words that take over or store parameters |
 //! | `orders` | orders in registers of their own |
 //! | `start` | a start in several words |
 //! | `control` | control of the motor |
@@ -20,6 +21,7 @@ mod answer;
 mod back_door;
 mod basis;
 mod command;
+mod commit;
 mod control;
 mod denied;
 mod elsewhere;

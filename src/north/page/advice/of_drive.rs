@@ -164,6 +164,7 @@ fn refused(model: &Model, last: &Report) -> Option<String> {
         (_, Reason::DriveInTrip) => "reset its trip first",
         (_, Reason::LocalControl) => "give control to the bus at the drive",
         (_, Reason::Precondition) => "`vfd-gateway verify` lists what must be set, `enable` sets it",
+        (_, Reason::NotCommitted) => "order it again: until then it may not act, or be lost with the drive's power",
         (_, Reason::NotReady) => "see at the drive what it waits for: mains, an enable terminal, a trip",
         (_, Reason::OtherDrive) => "check the station number and the model in the configuration",
         (_, Reason::SetpointUnknown) => "command a frequency first",

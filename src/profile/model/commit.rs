@@ -1,0 +1,83 @@
+//! The words by which a drive takes over or stores what was written to its parameters.
+
+use super::{Fact, Model};
+use crate::domain::address::Address;
+
+/// What such a word does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum CommitEffect {
+    /// What was written acts from then on.
+    Apply,
+    /// What was written outlasts the drive's power, and acts from then on.
+    Store,
+}
+
+impl CommitEffect {
+    /// The word used in files and answers.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Apply => "apply",
+            Self::Store => "store",
+        }
+    }
+}
+
+/// One such word.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CommitWord {
+    /// Its register, which nobody else writes.
+    pub address: Address,
+    /// What it does.
+    pub effect: CommitEffect,
+    /// The word.
+    pub value: u16,
+    /// It is never sent while the motor may turn.
+    pub at_standstill: bool,
+}
+
+/// The words of a model, each at most once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Commit {
+    /// The word that applies.
+    pub apply: Option<Fact<CommitWord>>,
+    /// The word that stores.
+    pub store: Option<Fact<CommitWord>>,
+}
+
+impl Commit {
+    /// The stated word for `effect`, proven or not.
+    #[must_use]
+    pub const fn stated(&self, effect: CommitEffect) -> Option<&Fact<CommitWord>> {
+        match effect {
+            CommitEffect::Apply => self.apply.as_ref(),
+            CommitEffect::Store => self.store.as_ref(),
+        }
+    }
+
+    /// All stated words.
+    pub fn all(&self) -> impl Iterator<Item = &Fact<CommitWord>> {
+        self.apply.iter().chain(&self.store)
+    }
+}
+
+impl Model {
+    /// The word that has this effect; `None` if the model has none or it is unproven, because then it is never sent.
+    #[must_use]
+    pub fn commit(&self, effect: CommitEffect) -> Option<&CommitWord> {
+        self.commit.stated(effect).filter(|fact| fact.confidence.is_proven()).map(|fact| &fact.value)
+    }
+
+    /// The word that follows what a person at the host sets: the one that stores, else the one that applies.
+    #[must_use]
+    pub fn last_commit(&self) -> Option<&CommitWord> {
+        self.commit(CommitEffect::Store).or_else(|| self.commit(CommitEffect::Apply))
+    }
+
+    /// The proven word with which `value` at `address` takes over or stores parameters.
+    #[must_use]
+    pub fn commit_at(&self, address: Address, value: u16) -> Option<&CommitWord> {
+        let all = [CommitEffect::Store, CommitEffect::Apply].into_iter().filter_map(|effect| self.commit(effect));
+        all.into_iter().find(|word| word.address == address && word.value == value)
+    }
+}
