@@ -115,6 +115,8 @@ mod polls;
 mod port_comes_and_goes;
 #[path = "scenarios/preconditions.rs"]
 mod preconditions;
+#[path = "scenarios/ram_forms.rs"]
+mod ram_forms;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

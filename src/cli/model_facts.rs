@@ -154,6 +154,7 @@ impl Unproven {
         self.add_some("per cent of rated values", quirks.percent_of_rated.as_ref());
         self.add_some("setpoint before run", quirks.setpoint_before_run.as_ref());
         self.add_some("stored twins", quirks.stored_alias_bit.as_ref());
+        self.add_some("forms in RAM", quirks.ram_alias.as_ref());
         self.add_some("deaf after power-up", quirks.deaf_after_power_up.as_ref());
         self.add_some("deaf after a reset", quirks.deaf_after_reset.as_ref());
         self.add_some("pause before a request", quirks.pause_before_request.as_ref());

@@ -88,7 +88,8 @@ pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
         let bit = 1_u16.checked_shl(bit.value.into())?;
         if address & bit == 0 { None } else { model.register_at(address & !bit) }
     });
-    let register = model.writable_at(address).or_else(|| model.register_at(address)).or(twin_of)?;
+    let in_ram = model.in_ram_at(address.into());
+    let register = model.writable_at(address).or_else(|| model.register_at(address)).or(twin_of).or(in_ram)?;
     Some(Listed { address, register, twin_of })
 }
 
@@ -124,7 +125,11 @@ impl Listed<'_> {
 
     /// The label of `register` in messages.
     fn called(self, register: &Register) -> String {
-        let twin = if register.address == self.address { "" } else { "the stored twin of " };
+        let twin = match self.twin_of {
+            _ if register.address == self.address => "",
+            Some(_) => "the stored twin of ",
+            None => "the form in RAM of ",
+        };
         format!("{twin}`{}`", register.name)
     }
 }

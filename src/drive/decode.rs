@@ -125,11 +125,16 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
         return Err(Reason::HalfAValue);
     }
     let register = model.writable_at(address).or_else(|| model.stored_twin(address));
+    let register = register.or_else(|| model.in_ram_at(address));
     let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
     let is_twin = register.address != address;
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
         _ if register.form.pair.is_some() => Err(Reason::HalfAValue),
+        // A setpoint goes to its form in RAM wherever a client writes it.
+        Some(Role::FrequencyCommand) if model.ram_form(register) == Some(address) => {
+            Ok(DecodedPart::Frequency(signed_frequency(model, register, bases, value)))
+        }
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
         Some(Role::RunCommand | Role::Order) => order_part(model, register.address, value).ok_or(Reason::NotUnderstood),
         Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(model, register, bases, value))),

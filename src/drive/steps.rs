@@ -361,9 +361,14 @@ fn order(model: &Model, kind: OrderKind) -> Result<(Address, u16), NoSteps> {
 fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
     let RegisterWrite { address, value, second } = write;
     let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
-    let holds = || Condition { second, ..Condition::holds(address, vec![value], Duration::ZERO) };
+    // A form in RAM that cannot be read shows in its register.
+    let read_at = match model.in_ram_at(address).filter(|_| !is_readable) {
+        Some(register) => Some(if model.reads_ram_forms() { address } else { register.address }),
+        None => is_readable.then_some(address),
+    };
+    let holds = |address| Condition { second, ..Condition::holds(address, vec![value], Duration::ZERO) };
     let part = StepPart::Register;
-    let first = Write { address, value, part, shown: is_readable.then(holds).into_iter().collect() };
+    let first = Write { address, value, part, shown: read_at.map(holds).into_iter().collect() };
     let second = second.and_then(|value| Some((address.checked_add(1)?, value)));
     let second = second.map(|(address, value)| Write { address, value, part, shown: Vec::new() });
     [first].into_iter().chain(second).collect()

@@ -84,6 +84,9 @@ pub(super) const EXCHANGE: &str = include_str!("../../tests/golden/models/exchan
 /// A sound model whose drive takes over and stores parameters by words of their own.
 pub(super) const MEMORY: &str = include_str!("../../tests/golden/models/memory.toml");
 
+/// A sound model whose drive writes stored registers in RAM by another address.
+pub(super) const RAM_FORM: &str = include_str!("../../tests/golden/models/ram-form.toml");
+
 /// Asserts that each replacement in [`EXCHANGE`] is reported, with place, mistake and what would be right.
 pub(super) fn each_mistake_is_told(changes: &[(&str, &str, &str)]) {
     check::model(EXCHANGE).unwrap();

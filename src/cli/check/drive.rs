@@ -217,7 +217,9 @@ fn native(text: &mut String, control: &ControlSettings, model: &Model) -> Result
 }
 
 fn memory(listed: Listed<'_>) -> &'static str {
+    let is_itself = listed.register.address == listed.address;
     match (listed.twin_of, listed.register.memory) {
+        (None, _) if !is_itself => "in RAM",
         (Some(_), _) | (None, Some(Memory::Stored)) => "stored, in a memory that endures a limited number of writes",
         (None, Some(Memory::Ram)) => "in RAM",
         (None, None) => "not known to be RAM: treated as stored",

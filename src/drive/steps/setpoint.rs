@@ -41,7 +41,7 @@ pub(super) fn setpoint(
         let words = setpoint_words(register, setting, frequency, value, bases)?;
         Some(Condition::holds(setting.address, words.into_iter().map(signed).collect(), SHOWN_WITHIN))
     });
-    Ok(vec![write(register.address, signed(value), &shown)])
+    Ok(vec![write(model.cyclic_address(register), signed(value), &shown)])
 }
 
 /// That `setting` shows `frequency`; `None` if it does not hold it exactly.

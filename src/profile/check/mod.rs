@@ -1,5 +1,6 @@
 //! From the text of a model file to a sound model, or to all its problems at once.
 
+mod alias;
 mod commit;
 mod exchange;
 mod keys;
@@ -63,6 +64,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     exchange::check(file, problems);
     registers::check(file, problems);
+    alias::check(file, problems);
     values::check(file, problems);
     tables::check(file, problems);
     if let OptionalKey::Valid(run) = &file.run {

@@ -37,7 +37,9 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
             let problem = access.location.problem("a command register must be writable");
             problems.push(problem.right("a register that the documents show being written"));
         }
-        if let Some(memory) = register.memory.valid().filter(|memory| memory.value == Memory::Stored) {
+        // Whether a setpoint has a form in RAM is checked with `ram_alias`.
+        let is_run = role == Role::RunCommand;
+        if let Some(memory) = register.memory.valid().filter(|memory| is_run && memory.value == Memory::Stored) {
             let problem = memory.location.problem("frequent commands wear out a stored register");
             problems.push(problem.right("a register that is not stored, if the documents name one"));
         }

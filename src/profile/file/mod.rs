@@ -24,7 +24,7 @@ pub(super) use exchange::{BarrierFile, BarrierForm, BlockFile, ReadFile, WriteFi
 pub(super) use facts::{FactFile, Origin};
 pub(super) use link::{LinkFile, TimingFile};
 pub(super) use orders::PlacesFile;
-pub(super) use quirks::QuirksFile;
+pub(super) use quirks::{AliasFile, QuirksFile};
 pub(super) use reset::ResetStepFile;
 pub(super) use run::{FormWord, RunFile};
 pub(super) use run_word::FieldFile;

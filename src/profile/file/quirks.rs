@@ -1,9 +1,9 @@
 //! `[quirks]`: named switches, each a fact.
 
-use super::facts::{FactFile, Facts, optional};
+use super::facts::{FactFile, Facts, optional, whole};
 use super::link::time;
-use crate::profile::model::Quirks;
-use crate::toml_file::Reader;
+use crate::profile::model::{Quirks, RamAlias};
+use crate::toml_file::{OptionalKey, Reader, RequiredKey};
 use crate::toml_file::values::Kind;
 use std::time::Duration;
 
@@ -14,9 +14,39 @@ pub(in crate::profile) struct QuirksFile {
     pub percent_of_rated: Option<FactFile<()>>,
     setpoint_before_run: Option<FactFile<()>>,
     pub stored_alias_bit: Option<FactFile<u8>>,
+    pub ram_alias: Option<FactFile<AliasFile>>,
     deaf_after_power_up: Option<FactFile<Duration>>,
     deaf_after_reset: Option<FactFile<Duration>>,
     pause_before_request: Option<FactFile<Duration>>,
+}
+
+/// `ram_alias`
+pub(in crate::profile) struct AliasFile {
+    pub mask: RequiredKey<u16>,
+    pub from: RequiredKey<u16>,
+    pub to: RequiredKey<u16>,
+    readable: OptionalKey<bool>,
+}
+
+impl AliasFile {
+    fn read(reader: &mut Reader<'_, '_>) -> Self {
+        Self {
+            mask: reader.required("mask", &Kind::number(1..=u16::MAX)),
+            from: reader.required("from", &Kind::address()),
+            to: reader.required("to", &Kind::address()),
+            readable: reader.optional("readable", &Kind::flag()),
+        }
+    }
+
+    /// `None` if any part is unusable.
+    pub fn ready(&self) -> Option<RamAlias> {
+        Some(RamAlias {
+            mask: self.mask.as_ref()?.value,
+            from: self.from.as_ref()?.value,
+            to: self.to.as_ref()?.value,
+            is_readable: self.readable.or(false)?,
+        })
+    }
 }
 
 impl QuirksFile {
@@ -27,6 +57,7 @@ impl QuirksFile {
             percent_of_rated: facts.switch(&mut reader, "percent_of_rated"),
             setpoint_before_run: facts.switch(&mut reader, "setpoint_before_run"),
             stored_alias_bit: facts.optional_value(&mut reader, "stored_alias_bit", &Kind::number(8..=15_u8)),
+            ram_alias: facts.optional(&mut reader, "ram_alias", |reader| whole(reader, AliasFile::read)),
             deaf_after_power_up: facts.optional_value(&mut reader, "deaf_after_power_up", &time),
             deaf_after_reset: facts.optional_value(&mut reader, "deaf_after_reset", &time),
             pause_before_request: facts.optional_value(&mut reader, "pause_before_request", &time),
@@ -42,6 +73,10 @@ impl QuirksFile {
             percent_of_rated: optional(self.percent_of_rated.as_ref())?,
             setpoint_before_run: optional(self.setpoint_before_run.as_ref())?,
             stored_alias_bit: optional(self.stored_alias_bit.as_ref())?,
+            ram_alias: match &self.ram_alias {
+                None => None,
+                Some(alias) => Some(alias.and_then(AliasFile::ready)?),
+            },
             deaf_after_power_up: optional(self.deaf_after_power_up.as_ref())?,
             deaf_after_reset: optional(self.deaf_after_reset.as_ref())?,
             pause_before_request: optional(self.pause_before_request.as_ref())?,

@@ -1,5 +1,6 @@
 //! A drive model, checked and ready to use. Only [`super::check`] creates one.
 
+mod alias;
 mod codes;
 mod command;
 mod commit;
@@ -17,6 +18,7 @@ mod start;
 mod status;
 mod watchdog;
 
+pub use alias::RamAlias;
 pub use codes::CodeRule;
 pub use command::{Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, Watchdog, WriteRules};
 pub use commit::{Commit, CommitEffect, CommitWord};
@@ -227,7 +229,7 @@ impl Model {
         let address = address.into();
         let second = || self.second_word_at(address);
         let register = self.writable_at(address).or_else(|| self.register_at(address)).or_else(second);
-        let Some(register) = register else { return true };
+        let Some(register) = register else { return self.in_ram_at(address).is_none() };
         match register.memory {
             Some(memory) => memory == Memory::Stored,
             None => !register.role.is_some_and(Role::is_guarded),
@@ -248,10 +250,11 @@ impl Model {
         self.registers.iter().filter(|register| register.access.can_write()).find(is_second)
     }
 
-    /// How long the drive hears nothing after a write of the register at `address`, or of its stored twin.
+    /// How long the drive hears nothing after a write of the register at `address`, or of another form of it.
     #[must_use]
     pub fn deaf_after(&self, address: Address) -> Option<Duration> {
-        self.writable_at(address).or_else(|| self.stored_twin(address))?.deaf_after
+        let register = self.writable_at(address).or_else(|| self.stored_twin(address));
+        register.or_else(|| self.in_ram_at(address))?.deaf_after
     }
 
     /// The longest time for which the drive hears nothing after a write.

@@ -1,6 +1,6 @@
 //! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
-use super::{Confidence, Fact, Model, Register};
+use super::{Confidence, Fact, Model, RamAlias, Register};
 use crate::domain::address::Address;
 use std::time::Duration;
 
@@ -186,6 +186,8 @@ pub struct Quirks {
     pub setpoint_before_run: Option<Fact<()>>,
     /// An address with this bit set is the stored twin of the same register: writable, never readable.
     pub stored_alias_bit: Option<Fact<u8>>,
+    /// A stored register has another address by which it is written in RAM.
+    pub ram_alias: Option<Fact<RamAlias>>,
     /// The drive ignores requests for this long after power-up.
     pub deaf_after_power_up: Option<Fact<Duration>>,
     /// The drive ignores requests for this long after a reset.

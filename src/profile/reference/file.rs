@@ -232,6 +232,16 @@ pub(super) const LINE: &[Section] = &[
                 "none",
                 "An address with this bit set is the stored twin of the same register: written, never read.",
             ),
+            (
+                "ram_alias",
+                "none",
+                "A stored register has another address by which it is written in RAM. A setpoint goes there; `params` and `enable` \
+                 write the register itself, native clients what they are allowed by `write`. Used only if proven.",
+            ),
+            ("ram_alias.mask", "", "The bits of an address that tell the register from its form in RAM."),
+            ("ram_alias.from", "", "These bits of a register that has such a form."),
+            ("ram_alias.to", "", "These bits of its form in RAM, at which no other register is."),
+            ("ram_alias.readable", "false", "Whether the form in RAM can be read as well."),
             ("deaf_after_power_up", "not known", "How long the drive ignores requests after it was switched on."),
             ("deaf_after_reset", "not known", "How long the drive ignores requests after a reset."),
             ("pause_before_request", "none", "A pause that the drive needs before each request."),

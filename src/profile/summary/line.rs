@@ -2,7 +2,7 @@
 
 use super::layout::{Row, list, row};
 use crate::domain::address::Address;
-use crate::profile::model::{Barrier, Boundary, Fact, Holes, Link, Model, Quirks, ReadLimits, Timing};
+use crate::profile::model::{Barrier, Boundary, Fact, Holes, Link, Model, Quirks, RamAlias, ReadLimits, Timing};
 use crate::profile::words::REFUSED_WRITES;
 use crate::toml_file::values::duration_text;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
@@ -129,6 +129,15 @@ pub(super) fn quirks(quirks: &Quirks) -> Vec<Row> {
     if let Some(bit) = &quirks.stored_alias_bit {
         let text = format!("bit {} of an address marks the stored twin of a register", bit.value);
         rows.push(row("stored_alias_bit", text, bit));
+    }
+    if let Some(alias) = &quirks.ram_alias {
+        let RamAlias { mask, from, to, is_readable } = alias.value;
+        let read = if is_readable { "read and written" } else { "written, not read" };
+        let unproven = if alias.confidence.is_proven() { "" } else { "; not used: unproven" };
+        let text = format!(
+            "a stored register with 0x{from:04X} under 0x{mask:04X} is {read} in RAM with 0x{to:04X} there{unproven}"
+        );
+        rows.push(row("ram_alias", text, alias));
     }
     let times = [
         ("deaf_after_power_up", "ignores requests after power-up for", &quirks.deaf_after_power_up),

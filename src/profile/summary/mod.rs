@@ -65,7 +65,7 @@ pub fn summary(model: &Model) -> String {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::testing::{EVERYTHING, EXCHANGE, MEMORY, MODEL, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
+    use crate::profile::testing::{EVERYTHING, EXCHANGE, MEMORY, MODEL, RAM_FORM, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
 
     #[test]
     fn only_what_is_known_is_shown() {
@@ -119,6 +119,7 @@ mod tests {
     fn the_rules_of_an_exchange_are_shown() {
         golden("exchange.txt", &summary(&check::model(EXCHANGE).unwrap()));
         golden("memory.txt", &summary(&check::model(MEMORY).unwrap()));
+        golden("ram-form.txt", &summary(&check::model(RAM_FORM).unwrap()));
     }
 
     #[test]

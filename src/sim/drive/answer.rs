@@ -3,7 +3,7 @@
 use super::SimDrive;
 use super::back_door::BackDoor;
 use super::denied::{Denied, Objection};
-use super::memory::{MemoryAddress, following, index_of, place_of};
+use super::memory::{MemoryAddress, following, index_in_ram, index_of, place_of};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role};
@@ -147,8 +147,14 @@ impl SimDrive {
         match index_of(&self.model, address) {
             Some(index) if !self.model.registers[index].access.can_read() => None,
             Some(index) => Some(self.held(at, index)),
-            None => self.block_word(address),
+            None => self.in_ram(at, address).or_else(|| self.block_word(address)),
         }
+    }
+
+    /// The word of the stored register whose form in RAM is at `address`, if that can be read.
+    fn in_ram(&self, at: MonoTime, address: Address) -> Option<u16> {
+        let is_readable = self.model.quirks.ram_alias.as_ref().is_some_and(|rule| rule.value.is_readable);
+        index_in_ram(&self.model, address).filter(|_| is_readable).map(|index| self.held(at, index))
     }
 
     /// Takes `value` or keeps the old one; returns what the register at `address` then holds.

@@ -4,7 +4,7 @@ use super::super::options::DriveOptions;
 use super::back_door::BackDoor;
 use super::basis::first_basis;
 use super::command::has_priority;
-use crate::domain::address::Address;
+use crate::domain::address::{Address, Table};
 use crate::profile::model::{Access, Memory as Kind, Model, OrderKind, Register, Role, RunForm};
 use crate::wire::pdu::Request;
 use std::time::Duration;
@@ -19,12 +19,22 @@ pub(super) struct Memory {
     stored_writes: Vec<u64>,
 }
 
-/// The register that an address on the wire refers to, and whether to its stored twin.
+/// The register that an address on the wire refers to, and in which form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct MemoryAddress {
     pub(super) index: usize,
-    /// The address has the bit of stored twins: it can only be written.
-    pub(super) is_twin: bool,
+    pub(super) form: AddressForm,
+}
+
+/// Which memory an address means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum AddressForm {
+    /// That of the register itself.
+    Own,
+    /// It has the bit of stored twins: it can only be written.
+    Stored,
+    /// RAM, although the register is stored.
+    Ram,
 }
 
 impl Memory {
@@ -75,11 +85,12 @@ impl Memory {
 
     /// Takes `number` from the bus. A stored twin is the same value, so a write to it takes effect at once.
     pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, number: u32) {
-        let MemoryAddress { index, is_twin } = place;
+        let MemoryAddress { index, form } = place;
         // A run command is not restored at power-up unless a document says that it is stored.
         let is_order =
             matches!(register.role, Some(Role::RunCommand | Role::Order)) && register.memory != Some(Kind::Stored);
-        if (is_order || register.memory == Some(Kind::Ram)) && !is_twin {
+        let is_volatile = (is_order || register.memory == Some(Kind::Ram)) && form == AddressForm::Own;
+        if is_volatile || form == AddressForm::Ram {
             self.now[index] = number;
             return;
         }
@@ -109,13 +120,25 @@ impl Memory {
 pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress> {
     let written = model.registers.iter().position(|it| it.address == address && it.access.can_write());
     if let Some(index) = written.or_else(|| index_of(model, address)) {
-        return Some(MemoryAddress { index, is_twin: false });
+        return Some(MemoryAddress { index, form: AddressForm::Own });
+    }
+    if let Some(index) = index_in_ram(model, address) {
+        return Some(MemoryAddress { index, form: AddressForm::Ram });
     }
     let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
     let number = address.number();
     let index = index_of(model, address.at(number & !bit)).filter(|_| number & bit != 0)?;
     // Only parameters are stored: commands are written only, measurements are read only.
-    (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, is_twin: true })
+    (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, form: AddressForm::Stored })
+}
+
+/// The stored register whose form in RAM is at `address`.
+pub(super) fn index_in_ram(model: &Model, address: Address) -> Option<usize> {
+    let rule = model.quirks.ram_alias.as_ref()?.value;
+    let number = rule.register_of(address.number()).filter(|_| address.table() == Table::Holding)?;
+    let index = index_of(model, address.at(number))?;
+    let register = &model.registers[index];
+    (register.access == Access::ReadWrite && register.memory != Some(Kind::Ram)).then_some(index)
 }
 
 /// How long the drive of `model` needs a pause after a request with `pdu`, if that is a write.
@@ -124,7 +147,13 @@ pub(super) fn pause_after(model: &Model, pdu: &[u8]) -> Duration {
     let stored = addresses.filter_map(|address| place_of(model, address)).map(|place| {
         let register = &model.registers[place.index];
         let is_order = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
-        place.is_twin || register.memory == Some(Kind::Stored) || (register.memory.is_none() && !is_order)
+        match place.form {
+            AddressForm::Stored => true,
+            AddressForm::Ram => false,
+            AddressForm::Own => {
+                register.memory == Some(Kind::Stored) || (register.memory.is_none() && !is_order)
+            }
+        }
     });
     stored.map(|is_stored| model.timing.pause_after(is_stored)).max().unwrap_or_default()
 }

@@ -13,7 +13,7 @@ use crate::toml_file::words::word_for;
 
 /// The map of the native unit of `drive` for a client with `rights`.
 ///
-/// It contains every register of the model, and stored twins that may be written. Others may be read as well; what a
+/// It contains every register of the model, and other forms of them that may be written. Others may be read as well; what a
 /// drive does then is up to the drive.
 #[must_use]
 pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
@@ -22,7 +22,8 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
     let registers = model.registers.iter();
     let rows = registers.map(|register| of(model, register, register.address, control, rights));
     let twins = control.iter().flat_map(|control| &control.native_write).filter_map(|address| {
-        let register = model.stored_twin(*address).filter(|_| model.register_at(*address).is_none())?;
+        let register = model.stored_twin(*address).or_else(|| model.in_ram_at((*address).into()));
+        let register = register.filter(|_| model.register_at(*address).is_none())?;
         Some(of(model, register, Address::holding(*address), control, rights))
     });
     let mut all: Vec<_> = rows.chain(twins).collect();
@@ -62,6 +63,7 @@ fn of(
         && control.is_some()
         && model.orders_at(register.address).any(|(kind, _)| matches!(kind, OrderKind::Stop | OrderKind::Coast));
     let is_twin = register.address != address;
+    let is_in_ram = is_twin && model.in_ram_at(address).is_some();
     let is_written = commands && (is_command || is_listed) || stops;
     SheetRow {
         table,
@@ -70,7 +72,11 @@ fn of(
         of: String::new(),
         code: register.code.clone().unwrap_or_default(),
         name: register.name.clone(),
-        title: if is_twin { format!("{} (stored)", register.title) } else { register.title.clone() },
+        title: match is_twin {
+            true if is_in_ram => format!("{} (in RAM)", register.title),
+            true => format!("{} (stored)", register.title),
+            false => register.title.clone(),
+        },
         step: step(register),
         unit: if register.unit == UnitOfMeasure::None { "" } else { register.unit.symbol() },
         format: match register.signed {
@@ -78,10 +84,10 @@ fn of(
             true => SheetFormat::Signed,
             false => SheetFormat::Unsigned,
         },
-        is_read: register.access.can_read() && !is_twin,
+        is_read: register.access.can_read() && (!is_twin || is_in_ram && model.reads_ram_forms()),
         is_written,
         meaning: meaning(model, register),
-        special: special(register, is_written && is_command, is_listed, is_twin),
+        special: special(register, is_written && is_command, is_listed && !is_in_ram, is_twin && !is_in_ram),
     }
 }
 
