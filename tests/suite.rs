@@ -143,6 +143,8 @@ mod stop_wins;
 mod trials;
 #[path = "scenarios/trips.rs"]
 mod trips;
+#[path = "scenarios/unanswered_writes.rs"]
+mod unanswered_writes;
 #[path = "scenarios/unproven.rs"]
 mod unproven;
 #[path = "scenarios/walk.rs"]

@@ -15,7 +15,7 @@ use crate::line::exchange::{Ending, Exchange};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
 use crate::line::station::{Missing, Stray, answers};
-use crate::profile::model::{ExceptionKind, RefusedWrite};
+use crate::profile::model::{ExceptionKind, Model, RefusedWrite};
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
 use std::sync::Arc;
@@ -40,7 +40,10 @@ impl LineCore {
         let doubt = flight.doubt || is_spoilt;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
+        let is_silent_write = takes_in_silence(&self.drives[drive].setup.model, &exchange.request);
         let fault = match fault_of(&ending) {
+            // That is how the drive takes it; for how long it hears nothing then is known.
+            Some(Fault::Silent) if is_silent_write => Some(Fault::Deaf),
             Some(_) if kind == Some(ExceptionKind::DamagedFrame) => Some(Fault::DamagedRequest),
             Some(Fault::Silent) if now <= self.drives[drive].station.rests_until() => Some(Fault::Deaf),
             Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
@@ -146,6 +149,7 @@ impl LineCore {
     }
 
     fn count_end(&mut self, drive: DriveIndex, request: &Request, ending: &Ending) {
+        let is_silent_write = takes_in_silence(&self.drives[drive].setup.model, request);
         let line = &mut self.counters;
         let drive = &mut self.drives[drive].measured.exchanges;
         let (line, drive) = match ending {
@@ -154,6 +158,8 @@ impl LineCore {
             Ending::Exception(_) if matches!(request, Request::Unserved { .. }) => {
                 (&mut line.replies, &mut drive.replies)
             }
+            // So is a silence that was announced.
+            Ending::Silent if is_silent_write => (&mut line.replies, &mut drive.replies),
             Ending::Exception(_) => (&mut line.exceptions, &mut drive.exceptions),
             Ending::Garbled => (&mut line.garbled, &mut drive.garbled),
             Ending::Silent => (&mut line.silent, &mut drive.silent),
@@ -257,6 +263,11 @@ impl LineCore {
             flight.is_spoilt = true;
         }
     }
+}
+
+/// Whether a drive of `model` never answers `request`.
+fn takes_in_silence(model: &Model, request: &Request) -> bool {
+    model.silent_writes().any(|silent| request.written().any(|address| address == silent))
 }
 
 const fn fault_of(ending: &Ending) -> Option<Fault> {

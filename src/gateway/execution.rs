@@ -3,6 +3,7 @@
 mod awaiting;
 mod read_back;
 mod reset;
+mod silence;
 #[cfg(test)]
 mod tests;
 
@@ -40,6 +41,8 @@ pub struct Execution {
     repeats: Repeats,
     /// The reset word was not answered: only the drive's trip state shows whether it took effect.
     is_in_doubt: bool,
+    /// A write was sent that the drive never answers: only what is read afterwards shows whether it took effect.
+    is_unanswered: bool,
 }
 
 /// The stage of a command.
@@ -87,6 +90,7 @@ impl Execution {
             shown_until: None,
             repeats: Repeats::No,
             is_in_doubt: false,
+            is_unanswered: false,
         }
     }
 
@@ -230,15 +234,6 @@ impl Execution {
         }
     }
 
-    /// The unanswered writes that the next read checks.
-    #[must_use]
-    pub fn writes_in_question(&self) -> &[Write] {
-        match self.stage {
-            Stage::Resolve(index, _) => self.approved.steps().get(index).map_or(&[], writes_of),
-            Stage::Step(_) | Stage::ReadBack(..) | Stage::Done => &[],
-        }
-    }
-
     /// The drive answered at `now`.
     pub fn answered(&mut self, reply: &Reply, now: MonoTime) -> Next {
         match (self.stage, reply) {
@@ -340,7 +335,8 @@ impl Execution {
         match self.next_shown(0) {
             Some(first) => {
                 self.look_at(Stage::ReadBack(first, 0));
-                Next::Goes((!self.is_in_doubt).then_some(Report::new(Outcome::Acknowledged, Reason::None)))
+                let is_acknowledged = !(self.is_in_doubt || self.is_unanswered);
+                Next::Goes(is_acknowledged.then_some(Report::new(Outcome::Acknowledged, Reason::None)))
             }
             None => self.end(),
         }
@@ -360,6 +356,10 @@ impl Execution {
             |part| matches!(part, StepPart::Start | StepPart::Direction(_) | StepPart::Reset { ends: false, .. });
         let shows =
             |write: &Write| !write.shown.is_empty() || comes_before(write.part) || write.part == StepPart::Commit;
+        let is_proven = has_read_back && writes.clone().filter(|write| self.approved.is_silent(write)).all(shows);
+        if self.is_unanswered && !is_proven {
+            return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
+        }
         let outcome = if has_read_back && writes.all(shows) { Outcome::Confirmed } else { Outcome::Acknowledged };
         Next::Ends(Report::new(outcome, Reason::None))
     }

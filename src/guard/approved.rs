@@ -1,5 +1,6 @@
 //! Approved work for the line. Private fields, no copies: one approval is one list of frames, sent once.
 
+use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{self, Step, Write, WriteFunctions};
@@ -16,6 +17,8 @@ pub struct Approved {
     pub(super) start_before: MonoTime,
     pub(super) steps: Vec<Step>,
     pub(super) functions: WriteFunctions,
+    /// The registers whose writes the drive never answers.
+    pub(super) silent: Vec<Address>,
 }
 
 /// Why an approved step may not be sent any more.
@@ -50,6 +53,12 @@ impl Approved {
     #[must_use]
     pub fn steps(&self) -> &[Step] {
         &self.steps
+    }
+
+    /// Whether the drive never answers `write`.
+    #[must_use]
+    pub fn is_silent(&self, write: &Write) -> bool {
+        self.silent.contains(&write.address)
     }
 
     /// Checks that its next frame may still be sent at `now`: no stop has arrived since (`stops` is the guard's current

@@ -68,6 +68,7 @@ impl DriveGuard {
             start_before: MonoTime::NEVER,
             steps,
             functions: steps::WriteFunctions::of(&self.model),
+            silent: self.model.silent_writes().collect(),
         })
     }
 
@@ -84,6 +85,7 @@ impl DriveGuard {
             start_before: MonoTime::NEVER,
             steps,
             functions: steps::WriteFunctions::of(&self.model),
+            silent: self.model.silent_writes().collect(),
         })
     }
 

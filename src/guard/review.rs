@@ -186,6 +186,7 @@ impl DriveGuard {
             start_before,
             steps,
             functions: steps::WriteFunctions::of(&self.model),
+            silent: self.model.silent_writes().collect(),
         }
     }
 }

@@ -87,6 +87,9 @@ pub(super) const MEMORY: &str = include_str!("../../tests/golden/models/memory.t
 /// A sound model whose drive writes stored registers in RAM by another address.
 pub(super) const RAM_FORM: &str = include_str!("../../tests/golden/models/ram-form.toml");
 
+/// A sound model whose drive takes some writes without an answer.
+pub(super) const UNANSWERED: &str = include_str!("../../tests/golden/models/unanswered.toml");
+
 /// Asserts that each replacement in [`EXCHANGE`] is reported, with place, mistake and what would be right.
 pub(super) fn each_mistake_is_told(changes: &[(&str, &str, &str)]) {
     check::model(EXCHANGE).unwrap();

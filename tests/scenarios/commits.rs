@@ -98,7 +98,7 @@ fn orders_to_move_are_never_followed_by_it_and_never_beside_it() {
     assert!(!sent.iter().any(|(address, _)| [ENTER.0, SAVE.0].contains(address)), "{sent:?}");
     for stores in [false, true] {
         let mut rig = rig_with(MODEL, stores);
-        let parameter = RegisterWrite { address: ACCELERATION.into(), value: 77 };
+        let parameter = RegisterWrite::new(ACCELERATION, 77);
         let both = Go::new(vec![parameter], None, Some(Direction::Forward)).unwrap();
         assert_eq!(rig.commanded(MQTT, Order::Go(both)), (Outcome::Refused, Reason::Conflict));
         assert_eq!(writes(&rig), []);

@@ -206,11 +206,7 @@ pub(super) fn seen(model: &Model, register: Option<&Register>, found: Option<&Fo
 }
 
 /// A value that was read, or why it could not be.
-pub(super) fn shown_or_why_not(
-    model: &Model,
-    word: Option<Value>,
-    failure: Option<&Report>,
-) -> Map<String, Value> {
+pub(super) fn shown_or_why_not(model: &Model, word: Option<Value>, failure: Option<&Report>) -> Map<String, Value> {
     let keys = [
         ("found", word.unwrap_or(Value::Null)),
         ("reason", failure.map(|report| report.reason.word()).into()),

@@ -80,6 +80,7 @@ impl Execution {
         Next::Ends(match self.stage {
             Stage::Step(_) if self.has_begun => Report::new(Outcome::Failed, Reason::NoReply),
             Stage::Step(_) => Report::refused(Reason::NoReply),
+            Stage::ReadBack(..) if self.is_unanswered => Report::new(Outcome::Unknown, Reason::NoReply),
             Stage::ReadBack(..) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
             Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
         })

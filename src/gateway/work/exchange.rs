@@ -203,11 +203,12 @@ impl DriveWork {
         let Some(mut execution) = self.current.take() else { return };
         let written: Vec<StepPart> = execution.present_writes().iter().map(|write| write.part).collect();
         let reads_identity = execution.reads_identity();
-        let in_question: Vec<StepPart> = execution.writes_in_question().iter().map(|write| write.part).collect();
+        let in_question = execution.parts_in_question();
         let mut next = match ending {
             Ending::Reply(reply) => execution.answered(reply, now),
             Ending::Exception(code) => execution.excepted(*code, self.model.exception_kind(*code)),
-            Ending::Garbled | Ending::Silent => execution.unanswered(),
+            Ending::Silent => execution.silent_as_announced(now).unwrap_or_else(|| execution.unanswered()),
+            Ending::Garbled => execution.unanswered(),
         };
         if reads_identity && matches!((ending, next), (Ending::Reply(_), Next::Goes(_))) {
             self.guard.was_identified();

@@ -28,7 +28,8 @@ fn setpoints_are_written_in_ram(
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
-    let is_proven = |fact: &&FactFile<AliasFile>| fact.origin.as_ref().is_some_and(|(confidence, _)| confidence.is_proven());
+    let is_proven =
+        |fact: &&FactFile<AliasFile>| fact.origin.as_ref().is_some_and(|(confidence, _)| confidence.is_proven());
     let alias = fact.filter(is_proven).and_then(|fact| fact.value.as_ref()?.value.ready());
     for register in registers.iter().filter(|it| it.role.valid().is_some_and(|it| it.value == Role::FrequencyCommand)) {
         let Some(memory) = register.memory.valid().filter(|memory| memory.value == Memory::Stored) else { continue };
@@ -78,7 +79,8 @@ fn forms_are_free(alias: RamAlias, registers: &[RegisterFile], location: &Locati
             OptionalKey::Valid(ref memory) => memory.value == Memory::Stored,
             _ => !register.role.valid().is_some_and(|role| role.value.is_guarded()),
         };
-        let Some(form) = alias.form_of(address.value).filter(|_| is_stored && has_form(Some(alias), register, address.value))
+        let Some(form) =
+            alias.form_of(address.value).filter(|_| is_stored && has_form(Some(alias), register, address.value))
         else {
             continue;
         };
@@ -156,9 +158,9 @@ mod tests {
         let in_ram = RAM_FORM.replace("memory = \"stored\"", "memory = \"ram\"");
         let found = check::model(&in_ram).unwrap_err();
         assert_eq!(found.len(), 1, "{found:?}");
-        assert_eq!((found[0].key.as_str(), found[0].what.as_str()), (
-            "quirks.ram_alias",
-            "no register that is stored and readable has these bits",
-        ));
+        assert_eq!(
+            (found[0].key.as_str(), found[0].what.as_str()),
+            ("quirks.ram_alias", "no register that is stored and readable has these bits",)
+        );
     }
 }

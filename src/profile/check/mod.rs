@@ -11,6 +11,7 @@ mod reset;
 mod run;
 mod run_word;
 mod setup;
+mod silence;
 mod start;
 mod state;
 mod status;
@@ -74,6 +75,7 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
     start::check(file, problems);
     state::check(file, problems);
     status::check(file, problems);
+    silence::check(file, problems);
     commit::check(file, problems);
     setup::check(file, problems);
 }

@@ -3,8 +3,8 @@
 use super::facts::{FactFile, Facts, optional, whole};
 use super::link::time;
 use crate::profile::model::{Quirks, RamAlias};
-use crate::toml_file::{OptionalKey, Reader, RequiredKey};
 use crate::toml_file::values::Kind;
+use crate::toml_file::{OptionalKey, Reader, RequiredKey};
 use std::time::Duration;
 
 /// `[quirks]`

@@ -48,7 +48,8 @@ impl Model {
     /// The register whose RAM form is at `address`.
     #[must_use]
     pub fn in_ram_at(&self, address: Address) -> Option<&Register> {
-        let number = self.proven_alias()?.register_of(address.number()).filter(|_| address.table() == Table::Holding)?;
+        let number =
+            self.proven_alias()?.register_of(address.number()).filter(|_| address.table() == Table::Holding)?;
         self.registers.iter().find(|it| it.address == address.at(number) && self.ram_form(it) == Some(address))
     }
 

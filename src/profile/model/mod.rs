@@ -257,6 +257,11 @@ impl Model {
         register.or_else(|| self.in_ram_at(address))?.deaf_after
     }
 
+    /// The registers whose writes the drive never answers.
+    pub fn silent_writes(&self) -> impl Iterator<Item = Address> + '_ {
+        self.registers.iter().filter(|register| register.has_no_reply).map(|register| register.address)
+    }
+
     /// The longest time for which the drive hears nothing after a write.
     #[must_use]
     pub fn longest_deafness(&self) -> Duration {

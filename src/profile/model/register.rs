@@ -228,6 +228,8 @@ pub struct Register {
     pub is_link: bool,
     /// How long the drive hears nothing after a write of it.
     pub deaf_after: Option<Duration>,
+    /// The drive never answers a write of it.
+    pub has_no_reply: bool,
     /// Confidence of the row, except for the parts in `not_stated`.
     pub confidence: Confidence,
     /// Document and place.

@@ -229,10 +229,18 @@ pub(super) const STATES: &[Section] = &[
                command. How long the drive hears nothing afterwards is `deaf_after` of the register. A word that is not proven is \
                never sent.",
         keys: &[
-            ("apply", "written parameters act at once", "Parameters act only after this word. It follows every write of one."),
+            (
+                "apply",
+                "written parameters act at once",
+                "Parameters act only after this word. It follows every write of one.",
+            ),
             ("apply.register", "", "The name of its register."),
             ("apply.value", "", "The word."),
-            ("apply.at_standstill", "no", "It is not sent while the motor may turn, and neither is what it would take over."),
+            (
+                "apply.at_standstill",
+                "no",
+                "It is not sent while the motor may turn, and neither is what it would take over.",
+            ),
             (
                 "store",
                 "written parameters are stored by their `memory`",

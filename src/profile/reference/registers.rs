@@ -48,6 +48,12 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "How long the drive hears nothing after this register was written. A stop is tried at once and sent again then.",
         ),
         (
+            "no_reply",
+            "false",
+            "The drive never answers a write of this register, as of one that restarts it. It is written once; what became of it is read \
+             when the time of `deaf_after` is over. Of all orders only `reset` may be written there.",
+        ),
+        (
             "words",
             "1",
             "2 for a 32-bit value, which takes this address and the next. Both words are read in one frame. Only a setpoint may be written: both words in one frame of function 10 hex.",

@@ -41,6 +41,7 @@ pub struct RegisterFile {
     pub(super) back_door: OptionalKey<String>,
     is_link: OptionalKey<bool>,
     pub(super) deaf_after: OptionalKey<Duration>,
+    pub(super) no_reply: OptionalKey<bool>,
     title: RequiredKey<String>,
     pub(super) scale: OptionalKey<Steps>,
     pub(super) signed: OptionalKey<bool>,
@@ -110,6 +111,7 @@ impl RegisterFile {
             back_door: self.back_door.clone().optional()?,
             is_link: self.is_link.or(false)?,
             deaf_after: self.deaf_after.clone().optional()?,
+            has_no_reply: self.no_reply.or(false)?,
             confidence,
             source,
             not_stated: match &self.not_stated {
@@ -144,6 +146,7 @@ impl RegisterFile {
             back_door: OptionalKey::Absent,
             is_link: OptionalKey::Absent,
             deaf_after: OptionalKey::Absent,
+            no_reply: OptionalKey::Absent,
             origin: None,
             not_stated: OptionalKey::Absent,
         };
@@ -168,6 +171,7 @@ impl RegisterFile {
         register.back_door = reader.optional("back_door", &Kind::text());
         register.is_link = reader.optional("link", &Kind::flag());
         register.deaf_after = reader.optional("deaf_after", &Kind::duration(Duration::from_millis(1)..=DEAF_MAX));
+        register.no_reply = reader.optional("no_reply", &Kind::flag());
         register.not_stated = reader.list("not_stated", &Kind::one_of(&PARTS));
         register.origin = origin;
         reader.finish();

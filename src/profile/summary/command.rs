@@ -4,8 +4,8 @@ use super::layout::{Row, choice, list, row};
 use super::registers::name_at;
 use crate::domain::control::ControlAction;
 use crate::profile::model::{
-    BitMeaning, CommitEffect, Model, OrderKind, OrderedWord, ResetWrite, RunBit, RunCommand, RunField, RunForm, SetupItem, StartStep,
-    ZeroWord,
+    BitMeaning, CommitEffect, Model, OrderKind, OrderedWord, ResetWrite, RunBit, RunCommand, RunField, RunForm,
+    SetupItem, StartStep, ZeroWord,
 };
 use crate::profile::words::{BIT_MEANINGS, NEEDED_FOR};
 use crate::toml_file::values::duration_text;

@@ -57,6 +57,7 @@ pub fn summary(model: &Model) -> String {
     section(&mut text, "Registers", registers::registers(&model.registers));
     section(&mut text, "Meanings of words", registers::meanings(&model.registers));
     section(&mut text, "Registers after whose write the drive hears nothing", registers::deaf(&model.registers));
+    section(&mut text, "Registers whose write is not answered", registers::silent(&model.registers));
     section(&mut text, "Back doors, which no client may write", registers::back_doors(&model.registers));
     text
 }
@@ -65,7 +66,9 @@ pub fn summary(model: &Model) -> String {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::testing::{EVERYTHING, EXCHANGE, MEMORY, MODEL, RAM_FORM, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden};
+    use crate::profile::testing::{
+        EVERYTHING, EXCHANGE, MEMORY, MODEL, RAM_FORM, UNANSWERED, ZERO_COAST, ZERO_IGNORED, ZERO_NOTHING, golden,
+    };
 
     #[test]
     fn only_what_is_known_is_shown() {
@@ -119,6 +122,7 @@ mod tests {
     fn the_rules_of_an_exchange_are_shown() {
         golden("exchange.txt", &summary(&check::model(EXCHANGE).unwrap()));
         golden("memory.txt", &summary(&check::model(MEMORY).unwrap()));
+        golden("unanswered.txt", &summary(&check::model(UNANSWERED).unwrap()));
         golden("ram-form.txt", &summary(&check::model(RAM_FORM).unwrap()));
     }
 

@@ -131,6 +131,11 @@ pub(super) fn deaf(registers: &[Register]) -> Vec<Row> {
     registers.iter().filter_map(deaf).collect()
 }
 
+pub(super) fn silent(registers: &[Register]) -> Vec<Row> {
+    let silent = registers.iter().filter(|register| register.has_no_reply);
+    silent.map(|register| vec![register.name.clone(), "what became of it is read afterwards".to_owned()]).collect()
+}
+
 /// The states of the drive's own state machine.
 pub(super) fn states(model: &Model) -> Vec<Row> {
     let states = model.run.iter().flat_map(|run| &run.states);

@@ -3,7 +3,7 @@
 use super::SimDrive;
 use super::back_door::BackDoor;
 use super::denied::{Denied, Objection};
-use super::memory::{MemoryAddress, following, index_in_ram, index_of, place_of};
+use super::memory::{AddressForm, MemoryAddress, following, index_in_ram, index_of, place_of};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role};
@@ -31,11 +31,19 @@ impl SimDrive {
         if !matches!(done, Err(Denied::Request(_))) {
             self.heard(at);
         }
+        if done.is_ok() && self.takes_in_silence(pdu) {
+            return false;
+        }
         if let Some(objection) = objection {
             let code = objection.code(&self.model);
             out.extend([pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT, code]);
         }
         true
+    }
+
+    fn takes_in_silence(&self, pdu: &[u8]) -> bool {
+        let mut written = Request::decode(pdu).into_iter().flat_map(|request| request.written().collect::<Vec<_>>());
+        written.any(|address| self.model.silent_writes().any(|silent| silent == address))
     }
 
     /// Executes a broadcast `pdu` without a reply, if the model supports broadcasts of this function.
@@ -232,12 +240,18 @@ impl SimDrive {
             if self.waits_for_commit(register) {
                 self.memory.hold_back(index, number);
             } else {
-                self.take_number(MemoryAddress { index, is_twin: false }, number);
+                self.take_number(MemoryAddress { index, form: AddressForm::Own }, number);
             }
             return Ok(());
         }
         let micro = self.micro_of_number(register, number.into());
         self.take_setpoint(at, micro).map_err(Denied::Refused)
+    }
+
+    fn is_deaf_after(&mut self, at: MonoTime, place: MemoryAddress) {
+        if let Some(deaf) = self.model.registers[place.index].deaf_after {
+            self.deaf_until = self.deaf_until.max(at + deaf);
+        }
     }
 
     /// Accepts `value` at `place`, or returns why not.
@@ -248,7 +262,9 @@ impl SimDrive {
             return Err(Objection::Address);
         }
         if matches!(role, Some(Role::RunCommand | Role::Order)) {
-            return self.take_order(at, place, value);
+            self.take_order(at, place, value)?;
+            self.is_deaf_after(at, place);
+            return Ok(());
         }
         if !register.takes(value) {
             return Err(Objection::Value);
@@ -261,9 +277,7 @@ impl SimDrive {
             (_, Some(BackDoor::Limit)) if self.control.direction != 0 => return Err(Objection::NotNow),
             _ => {}
         }
-        if let Some(deaf) = self.model.registers[place.index].deaf_after {
-            self.deaf_until = self.deaf_until.max(at + deaf);
-        }
+        self.is_deaf_after(at, place);
         if self.take_commit(at, place, value)? {
             self.take(place, value);
         } else if self.waits_for_commit(&self.model.registers[place.index]) {

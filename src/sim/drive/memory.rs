@@ -150,9 +150,7 @@ pub(super) fn pause_after(model: &Model, pdu: &[u8]) -> Duration {
         match place.form {
             AddressForm::Stored => true,
             AddressForm::Ram => false,
-            AddressForm::Own => {
-                register.memory == Some(Kind::Stored) || (register.memory.is_none() && !is_order)
-            }
+            AddressForm::Own => register.memory == Some(Kind::Stored) || (register.memory.is_none() && !is_order),
         }
     });
     stored.map(|is_stored| model.timing.pause_after(is_stored)).max().unwrap_or_default()
