@@ -6,6 +6,10 @@ use crate::profile::model::{OrderKind, Role};
 use crate::profile::register::RegisterFile;
 use crate::toml_file::OptionalKey;
 
+/// All orders but a reset.
+const OTHERS: [OrderKind; 5] =
+    [OrderKind::Stop, OrderKind::Forward, OrderKind::Reverse, OrderKind::Coast, OrderKind::Release];
+
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for register in &file.registers {
         let Some(silence) = register.no_reply.valid().filter(|silence| silence.value) else { continue };
@@ -38,8 +42,10 @@ fn takes_an_order_that_must_be_answered(register: &RegisterFile, file: &ModelFil
     }
     let Some(run) = file.run.valid().map(|run| &run.value) else { return false };
     let reset = run.places.named(OrderKind::Reset).map(|name| name.value.as_str());
-    let others = run.places.names().filter(|name| Some(name.value.as_str()) != reset);
-    others.map(|name| Some(name.value.as_str())).any(|name| name == register.name())
+    let takes_another = OTHERS.into_iter().filter_map(|kind| run.places.named(kind));
+    // The direction is written before the run command.
+    let named = run.places.names().filter(|name| Some(name.value.as_str()) != reset);
+    takes_another.chain(named).any(|name| Some(name.value.as_str()) == register.name())
 }
 
 fn is_a_commit(register: &RegisterFile, file: &ModelFile) -> bool {

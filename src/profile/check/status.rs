@@ -208,6 +208,7 @@ mod tests {
         let pair = "role = \"trip-bits\"\nwords = 2\nword_order = \"high-first\"\n";
         let of_two = bits
             .replace("address = 0x2101\n", "address = 0x2150\n")
+            .replace("address = 0x2100, count = 2", "address = 0x2102, count = 2")
             .replace("role = \"trip-bits\"\n", pair)
             .replace("bit = 0\ntext", "bit = 31\ntext");
         crate::profile::check::model(&of_two).unwrap();
