@@ -98,6 +98,9 @@ fn whoever_reads_or_writes_natively_is_told_what_the_drive_means() {
         objects(&mut rig, kind, 1);
         let read = rig.read(1, 0, RAMP, 1);
         assert_eq!(rig.answer_to(read), NativeOutcome::DriveException { code, reason });
+        // Whoever runs the motor keeps others from writing.
+        assert_eq!(rig.commanded(MQTT, STOP), CONFIRMED);
+        rig.live(SECOND * 10);
         objects(&mut rig, kind, 1);
         assert_eq!(write(&mut rig, RAMP, &[77]), NativeOutcome::DriveException { code, reason });
     }
