@@ -78,8 +78,11 @@ fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<LineAnswer
 }
 
 fn given_drive(text: &str, catalog: &Catalog) -> Result<DriveAnswers, Failure> {
-    let wrong =
-        || Failure::wrong(format!("--drive {text}: right is NAME=MODEL@STATION, such as pump-1=hyundai-n700@1"));
+    let wrong = || {
+        Failure::wrong(format!(
+            "--drive {text}: right is NAME=MODEL@STATION, such as pump-1=MODEL@1 with a model of `models list`"
+        ))
+    };
     let (name, rest) = text.split_once('=').ok_or_else(wrong)?;
     let (id, station) = rest.rsplit_once('@').ok_or_else(wrong)?;
     let station = station.parse().ok().filter(|station| (1..=247).contains(station)).ok_or_else(wrong)?;
