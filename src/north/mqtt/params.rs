@@ -39,6 +39,10 @@ pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWri
         let message = format!("`{}` has an input of its own: `{input}`", label(register));
         return Err(Refused::new(Reason::NotListed, message));
     }
+    if !register.is_exact() {
+        let message = format!("`{}` is not in whole steps of its unit: write its word by Modbus TCP", label(register));
+        return Err(Refused::new(Reason::NotCapable, message));
+    }
     let refused = |why| no_word(why, register);
     Ok(match register.form.pair {
         Some(order) => RegisterWrite::pair(register.address, order.words(to_both(value, register).map_err(refused)?)),
@@ -86,6 +90,17 @@ mod tests {
         for code in ["F007", "f007", "acceleration_time"] {
             assert_eq!(write(&model, code, 10.5), Ok(RegisterWrite::new(0x020C_u16, 105)));
         }
+    }
+
+    #[test]
+    fn a_value_that_is_a_ratio_of_its_word_is_not_guessed() {
+        let mut model = Model::clone(&model());
+        for register in model.registers.iter_mut().filter(|it| it.name == "acceleration_time") {
+            register.form.per = 4;
+        }
+        let refused = write(&model, "F007", 10.5).unwrap_err();
+        assert_eq!(refused.reason, Reason::NotCapable);
+        assert!(refused.message.contains("write its word by Modbus TCP"), "{}", refused.message);
     }
 
     #[test]
