@@ -60,7 +60,7 @@ fn asked<R: BufRead>(
     secrets: &mut Secrets,
 ) -> Result<Answers, Failure> {
     let date = calendar::rfc3339(clock::wall());
-    let line = line::line(questions, args, catalog)?;
+    let mut line = line::line(questions, args, catalog)?;
     let wanted = ways::wanted(questions, args)?;
     let has = |way: &str| wanted.iter().any(|it| it == way);
     let mut page = if has("page") { Some(ways::page(questions, args)?) } else { None };
@@ -71,7 +71,6 @@ fn asked<R: BufRead>(
         None
     };
     let from = ways::commanders(questions, args, &wanted)?;
-    let mut line = line;
     let commands = |way: &str| from.iter().any(|it| it == way);
     if let Some(modbus) = modbus.as_mut().filter(|_| commands("modbus-tcp")) {
         modbus.write = ways::writers(questions, args)?;

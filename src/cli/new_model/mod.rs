@@ -12,7 +12,6 @@ use crate::cli::own_models::ModelDirs;
 use crate::cli::questions::Questions;
 use crate::cli::{Failure, input, print};
 use crate::daemon::host::clock;
-use crate::daemon::host::user_files::BYTES_MAX;
 use crate::daemon::host::whole_files::{self, Readers};
 use crate::domain::calendar;
 use crate::vendors;
@@ -76,7 +75,6 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
         None => asked(args)?,
     };
     let text = facts.text();
-    debug_assert!(u64::try_from(text.len()).is_ok_and(|bytes| bytes <= BYTES_MAX));
     written(&out, &text)?;
     super::models::check_file(&out, &ModelDirs::default())?;
     print(&format!("On a simulated drive: {}\n", played(&args.id, &out, &text)?))
