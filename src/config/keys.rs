@@ -155,7 +155,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Root, "http", "table", Some("no listener"), "The HTTP listener."),
 
     key(Section::Gateway, "name", "name", Some("the host's name"), "The name of the gateway in messages and topics."),
-    key(Section::Gateway, "data_dir", "absolute path", Some("none"), "The directory for the journal, the remembered state and the local command socket."),
+    key(Section::Gateway, "data_dir", "absolute path", Some("none"), "The directory for the journal, the remembered state and the local command socket. If it is missing, `run` creates it in a directory of its own user; elsewhere the gateway says how to create it, and controls without it."),
     key(Section::Gateway, "on_removal", "\"refuse\" or \"stop\"", Some("\"refuse\""), "What a reload does if it would remove a drive that runs or is under control, or restart its line: refuse the reload, or stop the drive first."),
     key(Section::Gateway, "model_dirs", "list of absolute paths", Some("none"), "Directories with your own models (`*.toml`)."),
 

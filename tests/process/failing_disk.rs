@@ -235,7 +235,7 @@ const AT_START: [(&str, &str, &str); 3] = [
         "rm \"$D/ballast\" && mount -o remount,size=8m \"$D\"",
         "memory",
     ),
-    ("rmdir \"$D\"", "mkdir \"$D\"", "memory"),
+    ("rmdir \"$D\" && ln -s \"$D-away/data\" \"$D\"", "mkdir -p \"$D-away/data\"", "memory"),
 ];
 
 #[test]
