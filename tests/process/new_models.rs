@@ -149,5 +149,5 @@ fn a_file_that_begins_from_another_model_says_what_is_unproven() {
         assert!(said.contains(word), "no {word}:\n{said}");
     }
     let unknown = answered(&["acme-x", "--like", "n70", "--out", place.file("x.toml").to_str().unwrap()], &[]);
-    assert_says(&unknown, 2, &["no model is called n70", "did you mean hyundai-n700?"]);
+    assert_says(&unknown, 2, &["no model is called n70", "did you mean hyundai-n700"]);
 }
