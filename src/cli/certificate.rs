@@ -23,8 +23,6 @@ const AUTHORITY_KEY: &str = "authority.key";
 /// The key and the certificate of the page, with the authority behind it. One file, so that a renewal replaces all of it
 /// at once.
 pub(super) const PAGE: &str = "page.pem";
-/// Days in milliseconds.
-const DAY_MS: i64 = 86_400_000;
 
 /// Arguments of `certificate`.
 #[derive(Debug, clap::Args)]
@@ -60,9 +58,9 @@ pub fn certificate(args: &Args) -> Result<(), Failure> {
     let now = clock::wall();
     let last = last(&args.dir.join(PAGE))?;
     if let (Some(within), Some(last)) = (args.renew_within, &last) {
-        let ends_within = last.until.unix_ms.saturating_sub(now.unix_ms) < within * DAY_MS;
+        let ends_within = last.until.unix_ms.saturating_sub(now.unix_ms) < within * calendar::DAY_MS;
         if !ends_within {
-            return print(&format!("valid until {}: not renewed\n", date(last.until)));
+            return print(&format!("valid until {}: not renewed\n", calendar::day(last.until)));
         }
     }
     let names = match (&args.names, last) {
@@ -116,7 +114,7 @@ fn open_or_generate(dir: &Path, names: &[String], now: WallTime) -> Result<(Auth
     let own = pem_files::certificates(&file).map_err(Failure::failed)?;
     let own = own.first().ok_or_else(|| at(&file, "it contains no certificate"))?;
     authority::may_sign(own, names).map_err(|error| {
-        let right = "right is another `--dir`, with an authority that is installed anew on the clients";
+        let right = "right is another `--dir`, whose authority the clients then have to install";
         at(&file, format!("{error}; {right}"))
     })?;
     let key = user_files::text(&key_file, BYTES_MAX)
@@ -181,8 +179,8 @@ fn report(dir: &Path, port: u16, names: &[String], until: WallTime) -> Result<St
          {key} signs renewals. Keep it from others.\n",
         file = file.display(),
         names = names.join(", "),
-        until = date(until),
-        authority = date(own.until),
+        until = calendar::day(until),
+        authority = calendar::day(own.until),
         code = code(&url)?,
         fingerprint = own.fingerprint,
         key = dir.join(AUTHORITY_KEY).display(),
@@ -205,11 +203,6 @@ fn host(names: &[String]) -> String {
 fn code(text: &str) -> Result<String, Failure> {
     let code = QrCode::new(text).map_err(Failure::failed)?;
     Ok(code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build())
-}
-
-fn date(moment: WallTime) -> String {
-    let (year, month, day) = calendar::date(moment);
-    format!("{year:04}-{month:02}-{day:02}")
 }
 
 fn at(file: &Path, what: impl Display) -> Failure {

@@ -91,6 +91,20 @@ pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, Failure> {
     catalog.text_of(id).ok_or_else(|| no_model(id, &catalog))
 }
 
+/// The configuration in `text`, which is in no file.
+///
+/// # Errors
+/// All its problems, a line each.
+pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
+    config::load(text, catalog).map_err(|problems| {
+        let listed = problems.iter().map(|problem| {
+            let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
+            format!("{}: {}{right}", problem.key, problem.what)
+        });
+        Failure::wrong(listed.collect::<Vec<_>>().join("\n"))
+    })
+}
+
 fn no_model(id: &str, catalog: &Catalog) -> Failure {
     let near: Vec<_> = nearest_names(id, catalog.ids()).into_iter().map(str::to_owned).collect();
     let hint = match alternatives(&near) {

@@ -6,7 +6,7 @@ use super::Failure;
 use super::input;
 use super::link_args::LinkArgs;
 use super::own_models::ModelDirs;
-use crate::config::{self, Config, PortAddress};
+use crate::config::PortAddress;
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::http::socket::SOCKET_NAME;
 use crate::daemon::lines::tool_line::ToolPort;
@@ -198,7 +198,7 @@ impl OwnGateway {
         let directory = Directory::new()?;
         let link = link_of(args, &model)?;
         let text = text(port, args, link, station, &model, extra, &directory.0);
-        let config = config_of(&text, &args.catalog()?)?;
+        let config = input::config_of(&text, &args.catalog()?)?;
         let line = config.lines.first().ok_or_else(|| Failure::failed("no line"))?;
         let drive = line.drives.first().map_or_else(Name::fallback, |drive| drive.name.clone());
         let link = line.link;
@@ -281,16 +281,6 @@ async fn answers(current: &Current) -> Result<(), String> {
         }
         sleep(LOOK_EVERY).await;
     }
-}
-
-fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
-    config::load(text, catalog).map_err(|problems| {
-        let told = problems.iter().map(|problem| {
-            let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
-            format!("{}: {}{right}", problem.key, problem.what)
-        });
-        Failure::wrong(told.collect::<Vec<_>>().join("\n"))
-    })
 }
 
 /// The settings of the line: as given, else as the model leaves the factory.
@@ -396,7 +386,7 @@ mod tests {
                 let accept_unverified = if moves { unproven.clone() } else { Vec::new() };
                 let extra = Extra { control, moves, accept_unverified, poll, native_write: Vec::new() };
                 let text = text(&port, &args, model.link.played(), 1, model, &extra, Path::new("/run/x"));
-                if let Err(failure) = config_of(&text, &catalog) {
+                if let Err(failure) = input::config_of(&text, &catalog) {
                     panic!("{}: {failure}\n{text}", model.id);
                 }
             }

@@ -45,7 +45,11 @@ impl Straight {
     }
 }
 
-fn limits(text: &str) -> Result<(f64, f64), String> {
+/// Two frequencies in Hz, as `5-50`.
+///
+/// # Errors
+/// What would be right.
+pub(super) fn limits(text: &str) -> Result<(f64, f64), String> {
     let wrong = || format!("{text} are not limits such as 5-50, in Hz");
     let (least, most) = text.split_once('-').ok_or_else(wrong)?;
     match (least.trim().parse(), most.trim().parse()) {

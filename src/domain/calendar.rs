@@ -2,7 +2,8 @@
 
 use super::time::WallTime;
 
-const DAY_MS: i64 = 86_400_000;
+/// A day in milliseconds.
+pub const DAY_MS: i64 = 86_400_000;
 
 /// `wall` as RFC 3339 in UTC with milliseconds. Years outside 0 to 9999 cannot be written: they are clamped to the
 /// nearest moment that can.
@@ -20,6 +21,14 @@ pub fn rfc3339(wall: WallTime) -> String {
     let minute = seconds / 60 % 60;
     let second = seconds % 60;
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{milli:03}Z")
+}
+
+/// The day of `wall` in UTC, as `2026-01-31`.
+#[must_use]
+pub fn day(wall: WallTime) -> String {
+    let mut text = rfc3339(wall);
+    text.truncate("2026-01-31".len());
+    text
 }
 
 /// Year, month and day of `wall` in UTC.

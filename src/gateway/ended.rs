@@ -267,7 +267,8 @@ impl LineCore {
 
 /// Whether a drive of `model` never answers `request`.
 fn takes_in_silence(model: &Model, request: &Request) -> bool {
-    model.silent_writes().any(|silent| request.written().any(|address| address == silent))
+    // A read writes nothing: then no register is looked at.
+    request.written().any(|address| model.silent_writes().any(|silent| silent == address))
 }
 
 const fn fault_of(ending: &Ending) -> Option<Fault> {

@@ -114,7 +114,7 @@ pub struct Answers {
     pub modbus: Option<ModbusAnswers>,
     /// The broker, if there is one.
     pub broker: Option<BrokerAnswers>,
-    /// Rules of control; `None`: nobody may command.
+    /// Rules of control; `None`: no client may command.
     pub control: Option<ControlAnswers>,
 }
 

@@ -64,7 +64,7 @@ pub struct Args {
     /// Group of the Sparkplug edge node
     #[arg(long, value_name = "GROUP")]
     pub sparkplug_group: Option<String>,
-    /// Who may command: page, modbus-tcp, mqtt, sparkplug; "" for nobody
+    /// Who may command: page, modbus-tcp, mqtt, sparkplug; "" for none
     #[arg(long, value_name = "WAY,...")]
     pub command_from: Option<String>,
     /// Take orders for models whose stop no manual proves: yes or no

@@ -10,7 +10,6 @@ use super::own_models::ModelDirs;
 use super::password::hashed;
 use super::questions::Questions;
 use super::{Failure, input, print, run};
-use crate::config;
 use crate::daemon::host::whole_files::{self, Readers};
 use crate::daemon::host::{clock, directories};
 use crate::domain::calendar;
@@ -59,7 +58,6 @@ fn asked<R: BufRead>(
     directory: &Path,
     secrets: &mut Secrets,
 ) -> Result<Answers, Failure> {
-    let date = calendar::rfc3339(clock::wall());
     let mut line = line::line(questions, args, catalog)?;
     let wanted = ways::wanted(questions, args)?;
     let has = |way: &str| wanted.iter().any(|it| it == way);
@@ -96,22 +94,15 @@ fn asked<R: BufRead>(
             if text.starts_with('/') { Ok(PathBuf::from(text)) } else { Err(format!("`{text}` is no absolute path")) }
         },
     )?;
-    let date = date.get(..10).unwrap_or_default().to_owned();
+    let date = calendar::day(clock::wall());
     Ok(Answers { date, data_dir, line, page, modbus, broker, control })
 }
 
 /// The file passes `check`, or nothing is written.
 fn checked(text: &str, catalog: &Catalog) -> Result<(), Failure> {
-    config::load(text, catalog).map(drop).map_err(|problems| {
-        let listed: Vec<_> = problems
-            .iter()
-            .map(|problem| {
-                let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
-                format!("  {}: {}{right}", problem.key, problem.what)
-            })
-            .collect();
-        Failure::wrong(format!("the answers do not go together; nothing was written:\n{}", listed.join("\n")))
-    })
+    input::config_of(text, catalog)
+        .map(drop)
+        .map_err(|why| Failure::wrong(format!("the answers do not go together; nothing was written:\n{why}")))
 }
 
 /// Secrets and certificate first, the configuration that names them last.

@@ -4,6 +4,7 @@ use super::answers::{BrokerAnswers, ControlAnswers, ModbusAnswers, PageAnswers};
 use super::args::Args;
 use crate::cli::Failure;
 use crate::cli::questions::Questions;
+use crate::cli::straight_write;
 use ipnet::IpNet;
 use std::io::BufRead;
 use std::net::{IpAddr, SocketAddr};
@@ -42,27 +43,28 @@ fn networks(text: &str) -> Result<Vec<IpNet>, String> {
             .or(single)
             .map_err(|_| format!("`{part}` is no network or address, such as 10.0.0.0/24 or 10.0.0.5"))
     };
-    parts.map(network).collect()
+    let networks: Vec<_> = parts.map(network).collect::<Result<_, _>>()?;
+    if networks.is_empty() { Err("name one at least".to_owned()) } else { Ok(networks) }
 }
 
 fn address(text: &str) -> Result<SocketAddr, String> {
     text.parse().map_err(|_| format!("`{text}` is not address and port, such as 127.0.0.1:8080 or 0.0.0.0:8443"))
 }
 
-/// `5-50`, in Hz.
+/// Two frequencies in Hz that leave room between them.
 fn limits(text: &str) -> Result<(f64, f64), String> {
     let wrong = || format!("`{text}` are not two frequencies in Hz, such as 5-50");
-    let (least, most) = text.split_once('-').ok_or_else(wrong)?;
-    match (least.trim().parse::<f64>(), most.trim().parse::<f64>()) {
-        (Ok(least), Ok(most)) if least >= 0.0 && least < most && most <= 600.0 => Ok((least, most)),
-        _ => Err(wrong()),
-    }
+    straight_write::limits(text).ok().filter(|(least, most)| least < most).ok_or_else(wrong)
+}
+
+/// The actions with what each does.
+fn actions() -> String {
+    ACTIONS.map(|(word, does)| format!("{word} ({does})")).join(", ")
 }
 
 fn action(text: &str) -> Result<String, String> {
     let known = ACTIONS.iter().any(|(word, _)| *word == text);
-    let list: Vec<_> = ACTIONS.iter().map(|(word, does)| format!("{word} ({does})")).collect();
-    if known { Ok(text.to_owned()) } else { Err(format!("`{text}` is none of {}", list.join(", "))) }
+    if known { Ok(text.to_owned()) } else { Err(format!("`{text}` is none of {}", actions())) }
 }
 
 /// The ways that are wanted.
@@ -112,10 +114,7 @@ fn allowed<R: BufRead>(
         return Ok(Vec::new());
     }
     let question = format!("Networks that may {what}, such as 10.0.0.0/24");
-    questions.given_or_asked(given, flag, &question, None, |text| {
-        let networks = networks(text)?;
-        if networks.is_empty() { Err("name one at least".to_owned()) } else { Ok(networks) }
-    })
+    questions.given_or_asked(given, flag, &question, None, networks)
 }
 
 /// The broker. `directory` is where the password goes.
@@ -162,7 +161,7 @@ pub fn broker<R: BufRead>(
     Ok(BrokerAnswers { url, user, home_assistant: has("home-assistant"), sparkplug_group })
 }
 
-/// Who may command, of the ways that are open; nobody by default.
+/// Who may command, of the ways that are open; none by default.
 pub fn commanders<R: BufRead>(
     questions: &mut Questions<R>,
     args: &Args,
@@ -180,7 +179,7 @@ pub fn commanders<R: BufRead>(
             open.push(from);
         }
     }
-    let question = format!("Who may command the drives, of {}; Enter for nobody", open.join(", "));
+    let question = format!("Who may command the drives, of {}; Enter for none", open.join(", "));
     questions
         .given_or_asked(args.command_from.as_deref(), "--command-from", &question, Some(""), |text| words(text, &open))
 }
@@ -209,9 +208,7 @@ pub fn control<R: BufRead>(
             other => Err(format!("`{other}` is neither forward nor both")),
         },
     )?;
-    let list: Vec<_> = ACTIONS.iter().map(|(word, does)| format!("{word} ({does})")).collect();
-    let list = list.join(", ");
-    let lost = format!("When the client is lost: {list}");
+    let lost = format!("When the client is lost: {}", actions());
     let on_commander_lost =
         questions.given_or_asked(args.on_commander_lost.as_deref(), "--on-commander-lost", &lost, None, action)?;
     let silent = "How long may the client be silent before that, such as 10s";
@@ -226,10 +223,7 @@ pub fn control<R: BufRead>(
 /// Who may command over Modbus TCP.
 pub fn writers<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<Vec<IpNet>, Failure> {
     let question = "Addresses that may command over Modbus TCP, such as 10.0.0.5";
-    questions.given_or_asked(args.modbus_write.as_deref(), "--modbus-write", question, None, |text| {
-        let networks = networks(text)?;
-        if networks.is_empty() { Err("name one at least".to_owned()) } else { Ok(networks) }
-    })
+    questions.given_or_asked(args.modbus_write.as_deref(), "--modbus-write", question, None, networks)
 }
 
 /// Who signs in to the page. `directory` is where the hash goes.

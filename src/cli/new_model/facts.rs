@@ -157,7 +157,7 @@ impl Facts {
 
     fn head(&self) -> String {
         let mut text = String::from(
-            "# Made by `vfd-gateway models new`. Compare every line with the manual: nobody else can find a wrong digit.\n\
+            "# Made by `vfd-gateway models new`. Compare every line with the manual: no check can find a wrong digit.\n\
              # What a file can say is in docs/model-reference.md; deploy/adding-a-drive.md shows how.\n",
         );
         for what in &self.left_out {

@@ -2,6 +2,7 @@
 
 use super::facts::{Documents, Evidence, Facts, FlagFacts, RegisterFacts, RunFacts, SetupFacts};
 use super::live::Live;
+use super::skeleton::capitalised;
 use crate::cli::questions::{Questions, address_and_place, link, word};
 use crate::cli::{Failure, print};
 use std::io::BufRead;
@@ -288,11 +289,6 @@ impl Of {
             evidence,
         }
     }
-}
-
-fn capitalised(word: &str) -> String {
-    let mut chars = word.chars();
-    chars.next().map(|first| first.to_ascii_uppercase().to_string() + chars.as_str()).unwrap_or_default()
 }
 
 /// What is said first.

@@ -88,9 +88,9 @@ fn written(out: &Path, text: &str) -> Result<(), Failure> {
 
 fn asked(args: &Args) -> Result<facts::Facts, Failure> {
     let mut live = Live::open(&args.live)?;
-    let date = calendar::rfc3339(clock::wall());
+    let date = calendar::day(clock::wall());
     let mut interview = Interview { questions: Questions::new(io::stdin().lock()), live: live.as_mut() };
-    let facts = interview.facts(&args.id, date.get(..10).unwrap_or_default());
+    let facts = interview.facts(&args.id, &date);
     if let Some(live) = live {
         live.close();
     }

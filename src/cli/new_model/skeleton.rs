@@ -16,7 +16,8 @@ pub fn names(id: &str) -> (String, String) {
     if title.is_empty() { (vendor.clone(), vendor) } else { (vendor, title) }
 }
 
-fn capitalised(part: &str) -> String {
+/// `part` with its first letter in upper case.
+pub(super) fn capitalised(part: &str) -> String {
     let mut chars = part.chars();
     chars.next().map(|first| first.to_ascii_uppercase()).into_iter().chain(chars).collect()
 }
@@ -94,7 +95,7 @@ mod tests {
     use crate::profile::check;
     use crate::vendors;
 
-    /// What somebody fills in, in the order of the places: each `"?"` by the next of these.
+    /// What is filled in: the first of these for the first `"?"`, and so on.
     const FILLED: [&str; 21] = [
         "19200",
         "\"none\"",

@@ -116,9 +116,8 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
     if ended.is_err() && findings.drives.is_empty() {
         return ended;
     }
-    let date = calendar::rfc3339(clock::wall());
-    let date = date.get(..10).unwrap_or_default();
-    let scan = Scan { port: &args.port, plan: &plan, findings: &findings, echoes, date };
+    let date = calendar::day(clock::wall());
+    let scan = Scan { port: &args.port, plan: &plan, findings: &findings, echoes, date: &date };
     tell(args, &scan, late)?;
     ended?;
     match (findings.is_complete, findings.drives.is_empty()) {

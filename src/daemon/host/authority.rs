@@ -226,9 +226,8 @@ fn subnet(net: IpNet) -> GeneralSubtree {
 
 /// From a day before `now`, because the clocks of clients differ.
 fn valid_for(params: &mut CertificateParams, now: WallTime, days: i64) {
-    const DAY_MS: i64 = 86_400_000;
     let date = |days: i64| {
-        let moment = WallTime { unix_ms: now.unix_ms.saturating_add(days.saturating_mul(DAY_MS)) };
+        let moment = WallTime { unix_ms: now.unix_ms.saturating_add(days.saturating_mul(calendar::DAY_MS)) };
         let (year, month, day) = calendar::date(moment);
         date_time_ymd(year, month, day)
     };

@@ -40,7 +40,7 @@ pub fn make(path: &Path) -> Result<bool, NotMade> {
         return Err(NotMade::NotOurs { path: path.to_path_buf(), uid });
     }
     match DirBuilder::new().mode(MODE).create(path) {
-        // Made by somebody else at this moment.
+        // Another process has just made it.
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(false),
         made => Ok(made.map(|()| true)?),
     }

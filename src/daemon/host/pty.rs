@@ -98,7 +98,7 @@ mod tests {
     use std::process::{Command, Stdio};
 
     #[test]
-    fn it_ends_with_its_owner_anyone_who_was_started_meanwhile() {
+    fn it_ends_with_its_owner_whichever_process_was_started_meanwhile() {
         let pty = Pty::new().unwrap();
         let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
         let port = rustix::fs::open(pty.path(), flags, rustix::fs::Mode::empty()).unwrap();

@@ -1,4 +1,4 @@
-//! A write that the drive never answers: it is sent once, and what is read afterwards shows what became of it.
+//! A write that the drive never answers: it is sent once, and a later read shows its outcome.
 
 use super::{Execution, Next, Stage, writes_of};
 use crate::domain::time::MonoTime;

@@ -50,7 +50,7 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         (
             "no_reply",
             "false",
-            "The drive never answers a write of this register, as of one that restarts it. It is written once; what became of it is read \
+            "The drive never answers a write of this register, as of one that restarts it. It is written once; its outcome is read \
              when the time of `deaf_after` is over. Of all orders only `reset` may be written there.",
         ),
         (

@@ -133,7 +133,7 @@ pub(super) fn deaf(registers: &[Register]) -> Vec<Row> {
 
 pub(super) fn silent(registers: &[Register]) -> Vec<Row> {
     let silent = registers.iter().filter(|register| register.has_no_reply);
-    silent.map(|register| vec![register.name.clone(), "what became of it is read afterwards".to_owned()]).collect()
+    silent.map(|register| vec![register.name.clone(), "its outcome is read afterwards".to_owned()]).collect()
 }
 
 /// The states of the drive's own state machine.

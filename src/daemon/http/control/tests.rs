@@ -467,7 +467,7 @@ fn a_full_house_has_room_for_one_more() {
 }
 
 #[test]
-fn files_that_cannot_be_used_all_get_an_answer() {
+fn files_that_cannot_be_used_are_all_reported() {
     let mut wrong = settings(&["anna"]);
     wrong.users[0].hash = HashSource::File("/nonexistent/anna.hash".into());
     let cert_file = "/nonexistent/cert.pem".into();
