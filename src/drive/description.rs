@@ -62,7 +62,13 @@ impl Freshness {
     /// When the value of `register` grows stale; `None` if there is none.
     #[must_use]
     pub fn ends_at(&self, register: &Register, snapshot: &DriveSnapshot) -> Option<MonoTime> {
-        let mut ends_at = snapshot.value(register)?.at + self.own;
+        self.ends_at_of(snapshot.read_at(register)?, snapshot)
+    }
+
+    /// The same for a value that was read at `read_at`.
+    #[must_use]
+    pub fn ends_at_of(&self, read_at: MonoTime, snapshot: &DriveSnapshot) -> Option<MonoTime> {
+        let mut ends_at = read_at + self.own;
         for (address, stale_after) in &self.bases {
             ends_at = ends_at.min(snapshot.reading(*address)?.at + *stale_after);
         }

@@ -4,7 +4,6 @@ use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Register;
 use crate::profile::scale::Scaled;
-use std::collections::BTreeMap;
 
 /// Whether a drive answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -43,14 +42,21 @@ pub struct ValueReading {
 pub struct DriveSnapshot {
     /// Whether it answers.
     pub presence: Presence,
-    readings: BTreeMap<Address, Reading>,
+    /// In the order of their keys: they are looked up for every word that a client reads, and copied for every view.
+    readings: Vec<(u32, Reading)>,
+}
+
+/// Distinguishes and orders addresses as one number.
+const fn key(address: Address) -> u32 {
+    (address.table() as u32) << 16 | address.number() as u32
 }
 
 impl DriveSnapshot {
     /// The last reading of the register at `address`; `None` if it has not been read.
     #[must_use]
     pub fn reading(&self, address: impl Into<Address>) -> Option<Reading> {
-        self.readings.get(&address.into()).copied()
+        let place = self.place_of(address.into()).ok()?;
+        self.readings.get(place).map(|(_, reading)| *reading)
     }
 
     /// The value of `register` from the last readings; `None` if a word that it needs has not been read, if its two
@@ -58,6 +64,9 @@ impl DriveSnapshot {
     #[must_use]
     pub fn value(&self, register: &Register) -> Option<ValueReading> {
         let first = self.reading(register.address)?;
+        if register.form.is_plain() {
+            return Some(ValueReading { value: register.plain_value(first.raw), raw: first.raw, at: first.at });
+        }
         if register.form.pair.is_some() && self.reading(register.address.checked_add(1)?)?.at != first.at {
             return None;
         }
@@ -67,17 +76,37 @@ impl DriveSnapshot {
         Some(ValueReading { value, raw: first.raw, at })
     }
 
+    /// When the value of `register` was read; `None` if it has none. To ask only this is quicker.
+    #[must_use]
+    pub fn read_at(&self, register: &Register) -> Option<MonoTime> {
+        if register.form.is_plain() {
+            return self.reading(register.address).map(|reading| reading.at);
+        }
+        self.value(register).map(|reading| reading.at)
+    }
+
     /// Discards the words at `addresses`: after a drive was away they may be others.
     pub fn forget(&mut self, addresses: impl IntoIterator<Item = Address>) {
         for address in addresses {
-            self.readings.remove(&address);
+            if let Ok(place) = self.place_of(address) {
+                self.readings.remove(place);
+            }
         }
+    }
+
+    /// Where the reading at `address` is, or belongs.
+    fn place_of(&self, address: Address) -> Result<usize, usize> {
+        self.readings.binary_search_by_key(&key(address), |(key, _)| *key)
     }
 
     /// Takes the words that were read from `address` on and came at `at`.
     pub fn take(&mut self, address: Address, words: &[u16], at: MonoTime) {
         for (address, raw) in address.onwards().zip(words) {
-            self.readings.insert(address, Reading { raw: *raw, at });
+            let reading = Reading { raw: *raw, at };
+            match self.place_of(address) {
+                Ok(place) => self.readings[place].1 = reading,
+                Err(place) => self.readings.insert(place, (key(address), reading)),
+            }
         }
     }
 }

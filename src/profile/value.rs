@@ -149,6 +149,9 @@ impl Register {
     /// holds what the model gives no meaning.
     #[must_use]
     pub fn value(&self, word: impl Fn(Address) -> Option<u16>) -> Option<Scaled> {
+        if self.form.is_plain() {
+            return Some(self.plain_value(word(self.address)?));
+        }
         let number = self.number(&word)?.checked_mul(self.power(&word)?)?;
         let number = if self.form.sign_is_direction { number.abs() } else { number };
         if self.form.per == 1 && self.form.full_scale.is_none() && self.form.scale_by.is_none() && !self.has_parts() {
@@ -169,6 +172,13 @@ impl Register {
             value = value.plus(part.value(word(part.address)?)?)?;
         }
         Some(Scaled::of_decimal(value.to_digits(self.digits())?))
+    }
+
+    /// What `word` means in a register whose form is plain: it depends on nothing else, and always has a value.
+    #[must_use]
+    pub fn plain_value(&self, word: u16) -> Scaled {
+        let number = self.number_in(word);
+        Scaled::new(if self.form.sign_is_direction { number.abs() } else { number }, self.scale)
     }
 
     /// Whether each frequency that it can hold is a whole number of its steps, so that none is ever rounded.

@@ -94,6 +94,7 @@ impl Form {
 
     /// Whether the value is one word divided by the register's scale.
     #[must_use]
+    #[inline]
     pub const fn is_plain(&self) -> bool {
         self.is_one_word()
             && self.per == 1

@@ -53,7 +53,7 @@ impl Column {
     /// The value, if it is known and not stale.
     pub(super) fn fresh(&self, view: &DriveView, now: MonoTime) -> Option<Fresh> {
         let reading = view.snapshot.value(&self.register)?;
-        if now >= self.freshness.ends_at(&self.register, &view.snapshot)? {
+        if now >= self.freshness.ends_at_of(reading.at, &view.snapshot)? {
             return None;
         }
         let (raw, scale) = self.rated.map_or_else(|| reading.value.fraction(), |rated| rated.fraction(reading.value));

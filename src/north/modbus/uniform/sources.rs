@@ -86,7 +86,7 @@ impl Sources {
     pub(super) fn oldest_age(&self, view: &DriveView, now: MonoTime) -> Option<Duration> {
         let mut oldest = None;
         for (register, _) in &self.polled {
-            oldest = oldest.max(Some(now.since(view.snapshot.value(register)?.at)));
+            oldest = oldest.max(Some(now.since(view.snapshot.read_at(register)?)));
         }
         oldest
     }
