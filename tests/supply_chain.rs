@@ -8,6 +8,9 @@
     reason = "a test fails by panicking, its helpers too"
 )]
 
+#[path = "supply_chain/installing.rs"]
+mod installing;
+
 use serde_json::Value as Json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -292,7 +295,15 @@ fn the_notices_name_every_part_of_the_program() {
 #[test]
 fn every_command_of_a_release_is_there() {
     let text = read("RELEASING.md");
-    let scripts = ["tests/run", "fuzz/run", "release/build", "release/reproduce", "release/notices", "release/sign"];
+    let scripts = [
+        "tests/run",
+        "fuzz/run",
+        "release/build",
+        "release/reproduce",
+        "release/notices",
+        "release/sign",
+        "release/apt",
+    ];
     for script in scripts {
         assert!(text.contains(script), "RELEASING.md does not name {script}");
         let mode = std::os::unix::fs::PermissionsExt::mode(&root().join(script).metadata().unwrap().permissions());
