@@ -17,7 +17,7 @@ use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, Qos, ToLine, Version};
 use vfd_gateway::north::clock::Moment;
-use vfd_gateway::north::mqtt::{Act, HomeAssistant, LeaseMode, Session, Settings, Tree};
+use vfd_gateway::north::mqtt::{Act, Combined, HomeAssistant, LeaseMode, Session, Settings, Tree};
 
 const BASE: &str = "vfd/plant/";
 const RESPONSES: &str = "vfd/answers";
@@ -73,6 +73,8 @@ fn settings(flags: u8) -> Settings {
             discovery: flags & 32 == 0,
             prefix: "home".into(),
             devices: flags & 64 != 0,
+            combined: vec![Combined::Switch, Combined::Fan],
+            page: None,
         }),
     }
 }

@@ -9,7 +9,7 @@ use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
 use crate::north::broker::{Qos, Version};
-use crate::north::mqtt::{LeaseMode, Tree};
+use crate::north::mqtt::{Combined, LeaseMode, Tree};
 use crate::profile::register::RegisterFile;
 use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
 use ipnet::IpNet;
@@ -208,6 +208,8 @@ pub(super) struct HomeAssistantFile {
     pub discovery: RequiredKey<bool>,
     pub prefix: OptionalKey<String>,
     pub devices: OptionalKey<bool>,
+    pub combined: OptionalKey<Vec<Spanned<Combined>>>,
+    pub page: OptionalKey<String>,
 }
 
 /// `[mqtt.sparkplug]`

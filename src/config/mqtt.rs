@@ -144,12 +144,19 @@ pub(super) fn settle(
 }
 
 fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
-    let Some(HomeAssistantFile { discovery, prefix, devices }) = file.home_assistant.clone().optional()? else {
+    let Some(HomeAssistantFile { discovery, prefix, devices, combined, page }) =
+        file.home_assistant.clone().optional()?
+    else {
         return Some(None);
     };
     let discovery = discovery?.value;
     let devices = devices.or(false)?;
-    Some(Some(HomeAssistant { discovery, prefix: prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?, devices }))
+    let combined = match &combined {
+        OptionalKey::Absent => Vec::new(),
+        list => lists::values(list)?,
+    };
+    let (prefix, page) = (prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?, page.optional()?);
+    Some(Some(HomeAssistant { discovery, prefix, devices, combined, page }))
 }
 
 fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {

@@ -4,7 +4,7 @@ use super::ready::Removal;
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
-use crate::north::mqtt::{LeaseMode, Tree};
+use crate::north::mqtt::{Combined, LeaseMode, Tree};
 
 /// An interface that accepts commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,6 +136,9 @@ pub(super) const fn of_action(action: ControlAction) -> &'static str {
         ControlAction::Release => "handing control back to panel and terminals",
     }
 }
+
+/// What a drive is announced to Home Assistant as besides its buttons.
+pub const COMBINED: [(&str, Combined); 2] = [("switch", Combined::Switch), ("fan", Combined::Fan)];
 
 /// Optional topics over MQTT.
 pub const TREES: [(&str, Tree); 5] = [

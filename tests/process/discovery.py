@@ -14,8 +14,10 @@ from homeassistant.components.mqtt import (
     binary_sensor,
     button,
     event,
+    fan,
     number,
     sensor,
+    switch,
 )
 from homeassistant.components.mqtt.discovery import TOPIC_MATCHER
 from homeassistant.components.mqtt.models import MqttValueTemplate
@@ -25,8 +27,10 @@ PLATFORMS = {
     "binary_sensor": binary_sensor,
     "button": button,
     "event": event,
+    "fan": fan,
     "number": number,
     "sensor": sensor,
+    "switch": switch,
 }
 
 

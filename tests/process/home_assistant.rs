@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-const ON: &str = "home_assistant = { discovery = true }";
+const ON: &str = "home_assistant = { discovery = true, combined = [\"switch\", \"fan\"] }";
 /// An answer to a birth may take so long, and a hundred of them a second go out.
 const BIRTH: Duration = Duration::from_secs(10);
 
@@ -21,7 +21,7 @@ fn plant(more: &str) -> Plant {
     Plant::with(Wish { mqtt: &mqtt, ..Wish::default() })
 }
 
-/// What the broker has retained of announcements, by topic. The button that is announced last of all is waited for.
+/// What the broker has retained of announcements, by topic. The fan, which is announced last of all, is waited for.
 fn announced(broker: &Mosquitto) -> BTreeMap<String, Value> {
     until("everything is announced", PATIENCE, || {
         let subscriber = Subscriber::new(broker, "mqttv311", "homeassistant/#");
@@ -31,7 +31,7 @@ fn announced(broker: &Mosquitto) -> BTreeMap<String, Value> {
         let retained = subscriber.on("/config").into_iter().filter(|it| it.retain);
         let parsed = retained.map(|it| (it.topic, serde_json::from_str(&it.payload).unwrap()));
         let found: BTreeMap<_, Value> = parsed.collect();
-        found.keys().any(|topic| topic.ends_with("/drive_pump-1_last_reason/config")).then_some(found)
+        found.keys().any(|topic| topic.ends_with("/drive_pump-1_fan/config")).then_some(found)
     })
 }
 
@@ -233,6 +233,7 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     press("stop");
     plant.wait_until_it_stands();
     assert_eq!(plant.written(), [(FREQUENCY, 2050), (RUN, 1), (RUN, 0)]);
+    a_switch_and_a_fan_command_it(&hass, &plant);
     the_delivered_package_works(&hass, &plant);
     let at = until("a start is taken again", PATIENCE, || {
         let seen = plant.written().len();
@@ -250,6 +251,44 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     hass.program.kill();
     plant.wait_for_write(at, (RUN, 0), LOST_AFTER + MARGIN);
     plant.wait_until_it_stands();
+}
+
+/// The same drive as one switch and as one fan.
+fn a_switch_and_a_fan_command_it(hass: &Hass, plant: &Plant) {
+    let (switch, fan) = ("switch.pump_1_run", "fan.pump_1_fan");
+    hass.wait_for(switch, "off");
+    hass.wait_for(fan, "off");
+    let order = |service: &str, id: &str, more: Value| {
+        let mut call = json!({ "entity_id": id });
+        call.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        hass.call(service, &call);
+    };
+    let starts = |service: &str, id: &str| {
+        until("the start is taken", PATIENCE, || {
+            let seen = plant.written().len();
+            order(service, id, json!({}));
+            std::thread::sleep(Duration::from_millis(500));
+            plant.written()[seen..].contains(&(RUN, 1)).then_some(())
+        });
+        plant.wait_until_it_turns();
+        hass.wait_for(id, "on");
+    };
+    starts("switch/turn_on", switch);
+    assert_eq!(hass.entity(switch).unwrap()["attributes"]["start_inhibited"], false);
+    order("switch/turn_off", switch, json!({}));
+    plant.wait_until_it_stands();
+    hass.wait_for(switch, "off");
+    // A direction that is chosen at rest starts nothing.
+    let seen = plant.written().len();
+    order("fan/set_direction", fan, json!({ "direction": "reverse" }));
+    order("fan/set_percentage", fan, json!({ "percentage": 60 }));
+    plant.wait_for_write(seen, (FREQUENCY, 3000), PATIENCE);
+    assert!(plant.written()[seen..].iter().all(|(register, _)| *register != RUN), "{:?}", plant.written());
+    starts("fan/turn_on", fan);
+    until("the share is shown", PATIENCE, || (hass.entity(fan)?["attributes"]["percentage"] == 60).then_some(()));
+    order("fan/turn_off", fan, json!({}));
+    plant.wait_until_it_stands();
+    hass.wait_for(fan, "off");
 }
 
 /// Its automations are on and its script starts the drive, which then is stopped; whatever package and dashboard name is there.

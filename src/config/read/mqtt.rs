@@ -3,7 +3,7 @@
 use super::super::broker::{self, Address};
 use super::super::file::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::super::keys::Section;
-use super::super::words::{LEASES, TREES, of_lease};
+use super::super::words::{COMBINED, LEASES, TREES, of_lease};
 use super::tables::{absolute_path, inner, refuse_not_served, turned};
 use crate::north::broker::{Qos, Version};
 use crate::toml_file::values::Kind;
@@ -71,6 +71,8 @@ fn read_home_assistant(mut reader: Reader<'_, '_>) -> HomeAssistantFile {
         discovery: reader.required("discovery", &Kind::flag()),
         prefix: reader.optional("prefix", &topics()),
         devices: reader.optional("devices", &Kind::flag()),
+        combined: reader.list("combined", &Kind::one_of(&COMBINED)),
+        page: reader.optional("page", &page()),
     };
     reader.finish();
     home_assistant
@@ -151,6 +153,15 @@ fn topics() -> Kind<'static, String> {
     let right = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
     Kind::parsed(right, |text| {
         let fits = is_topic(text) && text.split('/').all(|level| !level.is_empty());
+        fits.then(|| text.to_owned())
+    })
+}
+
+/// The address of a page.
+fn page() -> Kind<'static, String> {
+    Kind::parsed("an address such as \"https://192.168.1.5:8443\"", |text| {
+        let host = text.strip_prefix("http://").or_else(|| text.strip_prefix("https://"))?;
+        let fits = !host.is_empty() && text.len() <= MAX_BYTES && text.bytes().all(|byte| byte.is_ascii_graphic());
         fits.then(|| text.to_owned())
     })
 }

@@ -56,4 +56,4 @@ pub use counters::Counters;
 pub(in crate::north) use drive_topics::{Kind, code as trip_code, kinds, trips_are_fresh};
 pub(in crate::north) use points::Points;
 pub use session::Session;
-pub use types::{Act, HomeAssistant, LeaseMode, Settings, Tree};
+pub use types::{Act, Combined, HomeAssistant, LeaseMode, Settings, Tree};

@@ -49,6 +49,19 @@ pub struct HomeAssistant {
     pub prefix: String,
     /// Each device is announced as a whole, not each entity separately.
     pub devices: bool,
+    /// What each drive is announced as besides.
+    pub combined: Vec<Combined>,
+    /// The address of the gateway's page, which the devices lead to.
+    pub page: Option<String>,
+}
+
+/// An entity that a drive that may be commanded is announced as besides its buttons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Combined {
+    /// On is forward, off is stop.
+    Switch,
+    /// With a speed in per cent of the highest frequency, and a direction where both are allowed.
+    Fan,
 }
 
 /// A part of what is published that can be left out.

@@ -9,7 +9,7 @@ use crate::north::shown::capabilities;
 use crate::profile::model::Role;
 
 /// RUN carries the time at which it was ordered, for drives that accept no other.
-const WITH_MOMENT: &str = r#"{"run": "{{ value }}", "issued_at": {{ (now().timestamp() * 1000) | int }}}"#;
+pub(super) const WITH_MOMENT: &str = r#"{"run": "{{ value }}", "issued_at": {{ (now().timestamp() * 1000) | int }}}"#;
 
 /// Inputs of `drive` and the outcome of its last command; empty if commands over MQTT are not accepted.
 pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
@@ -17,9 +17,9 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity>
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
     let can = capabilities(drive);
     let mut entities: Vec<_> = setpoint(drive, control, &topic).into_iter().collect();
-    for (run, name) in [("forward", "Forward"), ("reverse", "Reverse")] {
+    for (run, name, icon) in [("forward", "Forward", "mdi:play"), ("reverse", "Reverse", "mdi:rotate-left")] {
         if can.contains(&run) {
-            let button = button(run, name, Needs::Drive, run);
+            let button = button(run, name, Needs::Drive, run).icon(icon);
             entities.push(if control.strict {
                 button.with("command_topic", topic("command")).with("command_template", WITH_MOMENT)
             } else {
@@ -27,15 +27,16 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity>
             });
         }
     }
-    for (run, name) in [("stop", "Stop"), ("coast", "Coast")] {
+    for (run, name, icon) in [("stop", "Stop", "mdi:stop-circle"), ("coast", "Coast", "mdi:stop-circle-outline")] {
         if can.contains(&run) {
             // A stop is accepted, and kept, also for a drive that does not answer. And it may arrive late.
-            let button = button(run, name, Needs::Gateway, run).with("qos", 1);
+            let button = button(run, name, Needs::Gateway, run).icon(icon).with("qos", 1);
             entities.push(button.with("command_topic", topic("run/set")));
         }
     }
     if can.contains(&"reset") {
-        entities.push(button("reset", "Reset trip", Needs::Drive, "reset").with("command_topic", topic("trip/reset")));
+        let reset = button("reset", "Reset trip", Needs::Drive, "reset").icon("mdi:restart-alert");
+        entities.push(reset.with("command_topic", topic("trip/reset")));
     }
     entities.extend(last_command(&topic("result")));
     entities

@@ -10,14 +10,20 @@ use crate::north::broker::Version;
 use crate::north::mqtt::harness::{drives, name, settings};
 use crate::north::mqtt::payload::{self, InputRequest};
 use crate::north::mqtt::topics::{Inbound, Topics};
-use crate::north::mqtt::types::{HomeAssistant, Settings};
+use crate::north::mqtt::types::{Combined, HomeAssistant, Settings};
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use serde_json::{Map, Value};
 use std::sync::Arc;
 
 fn speaking(devices: bool) -> Settings {
-    let home_assistant = Some(HomeAssistant { discovery: true, prefix: "homeassistant".into(), devices });
+    let home_assistant = Some(HomeAssistant {
+        discovery: true,
+        prefix: "homeassistant".into(),
+        devices,
+        combined: vec![Combined::Switch, Combined::Fan],
+        page: Some("https://192.0.2.5:8443".into()),
+    });
     Settings { home_assistant, ..settings(Version::V5) }
 }
 
@@ -116,7 +122,10 @@ fn nothing_commands_a_drive_that_takes_no_command_from_here() {
         for id in catalog().ids() {
             for (component, key, document) in entities(drive(id, control.clone())) {
                 assert!(document.get("command_topic").is_none(), "{id}: {component} {key}");
-                assert!(!matches!(component.as_str(), "button" | "number"), "{id}: {component} {key}");
+                assert!(
+                    !matches!(component.as_str(), "button" | "number" | "switch" | "fan"),
+                    "{id}: {component} {key}"
+                );
             }
         }
     }
@@ -132,6 +141,10 @@ fn what_is_pressed_is_what_the_topics_take() {
         for (component, key, document) in entities(drive) {
             let Some(topic) = document.get("command_topic").and_then(Value::as_str) else { continue };
             assert_eq!(document.get("retain"), None, "a command is never kept");
+            // Their templates need Home Assistant, which the process tests have.
+            if matches!(component.as_str(), "switch" | "fan") {
+                continue;
+            }
             let Some(Inbound::Drive(place)) = topics.parse(topic) else { panic!("{topic}") };
             let payload = match (component.as_str(), document.get("command_template")) {
                 ("number", None) => document["max"].to_string(),
@@ -150,6 +163,28 @@ fn what_is_pressed_is_what_the_topics_take() {
         }
     }
     assert!(pressed > 50, "{pressed}");
+}
+
+#[test]
+fn a_switch_and_a_fan_are_announced_only_where_a_drive_may_be_started_and_stopped() {
+    for drive in every_drive() {
+        let can = crate::north::shown::capabilities(&drive);
+        let may_start = can.contains(&"forward") && can.contains(&"stop");
+        let reverses = can.contains(&"reverse");
+        let id = drive.model.id.clone();
+        let is_strict = drive.control.as_ref().is_some_and(|control| control.strict);
+        let all = entities(drive);
+        let of = |component: &str| all.iter().find(|(it, ..)| it == component).map(|(_, _, document)| document);
+        assert_eq!(of("switch").is_some(), may_start && !is_strict, "{id}");
+        for document in of("switch").into_iter().chain(of("fan")) {
+            assert_eq!(document.get("qos"), None, "{id}: Home Assistant keeps it for a broker that is away");
+            assert_eq!(document["command_topic"].as_str().unwrap().ends_with("/command"), is_strict, "{id}");
+            assert_eq!(document.to_string().contains("issued_at"), is_strict, "{id}");
+        }
+        if let Some(fan) = of("fan") {
+            assert_eq!(fan.get("direction_command_topic").is_some(), reverses, "{id}");
+        }
+    }
 }
 
 #[test]

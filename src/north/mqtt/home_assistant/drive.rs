@@ -1,16 +1,17 @@
 //! What a drive shows in Home Assistant: a sensor for each topic with a value, and more from its state.
 
-use super::control;
 use super::entity::{Component, Entity, Needs, json_at, title};
+use super::{combined, control};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
 use crate::north::mqtt::drive_topics::{Kind, kinds};
 use crate::north::mqtt::topics::Topics;
+use crate::north::mqtt::types::Combined;
 use crate::profile::model::{Flag, Model, Register, Role};
 
 const RUN_STATES: [&str; 7] = ["unknown", "stopped", "forward", "reverse", "running", "stopping", "tripped"];
-const RUNNING: &str =
+pub(super) const RUNNING: &str =
     "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
 const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
                         {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
@@ -19,7 +20,7 @@ const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'un
 const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";
 
 /// The entities of `drive`, in the order in which they are announced.
-pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
+pub(super) fn entities(topics: &Topics, drive: &DriveDescription, combined: &[Combined]) -> Vec<Entity> {
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
     let mut entities = vec![connected(topic("availability"))];
     for (kind, rest) in kinds(drive) {
@@ -28,10 +29,11 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity>
     entities.extend(told_by_state(drive, &topic("state")));
     if drive.model.trip_register().is_some() {
         let event = Entity::new(Component::Event, "trip", "Trip", Needs::Drive);
-        let event = event.made_of(topic("trip/event"), TRIP_EVENT);
+        let event = event.made_of(topic("trip/event"), TRIP_EVENT).icon("mdi:alert-octagon");
         entities.push(event.with("event_types", vec!["tripped", "cleared"]).with("qos", 1));
     }
     entities.extend(control::entities(topics, drive));
+    entities.extend(combined::entities(topics, drive, combined));
     entities
 }
 
@@ -81,7 +83,7 @@ fn run_state(topic: &str) -> [Entity; 2] {
     let state = Entity::new(Component::Sensor, "run_state", "Run state", Needs::Drive);
     let running = Entity::new(Component::BinarySensor, "running", "Running", Needs::Drive);
     [
-        state.telling(topic.to_owned()).class("enum").with("options", RUN_STATES.to_vec()),
+        state.telling(topic.to_owned()).class("enum").with("options", RUN_STATES.to_vec()).icon("mdi:engine"),
         running.made_of(topic.to_owned(), RUNNING).words("True", "False").class("running"),
     ]
 }
@@ -95,8 +97,15 @@ fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: St
     let entity = value(rest, topic, register.unit, decimals);
     match register.role {
         Some(Role::RunHours) => entity.with("state_class", "total_increasing"),
+        _ if counts_energy(register.unit) => entity.with("state_class", "total_increasing"),
+        _ if register.name.starts_with("rated_") => entity.diagnostic(),
         _ => entity,
     }
+}
+
+/// Whether the unit is that of a meter, which only rises, or is set back to 0.
+const fn counts_energy(unit: UnitOfMeasure) -> bool {
+    matches!(unit, UnitOfMeasure::KilowattHour | UnitOfMeasure::MegawattHour)
 }
 
 /// A value on the topic `rest` below the drive's.
@@ -141,7 +150,7 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         entities.push(control("not_effective", "Stop without effect").class("problem"));
         entities.push(control("failsafe", "Fail-safe action ran").class("problem"));
         let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
-        entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic());
+        entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic().icon("mdi:account-key"));
     }
     entities
 }

@@ -11,6 +11,8 @@ pub(super) enum Component {
     Number,
     Button,
     Event,
+    Switch,
+    Fan,
 }
 
 impl Component {
@@ -22,6 +24,8 @@ impl Component {
             Self::Number => "number",
             Self::Button => "button",
             Self::Event => "event",
+            Self::Switch => "switch",
+            Self::Fan => "fan",
         }
     }
 }
@@ -85,6 +89,11 @@ impl Entity {
 
     pub(super) fn class(self, class: &str) -> Self {
         self.with("device_class", class)
+    }
+
+    /// Shows this icon, where the class has none of its own.
+    pub(super) fn icon(self, icon: &str) -> Self {
+        self.with("icon", icon)
     }
 
     /// It describes the equipment, not what the equipment does.

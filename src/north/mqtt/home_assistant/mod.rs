@@ -6,6 +6,7 @@
 //! which sends what it has retained under the gateway's own node. Without that, only what this process announced is
 //! taken back.
 
+mod combined;
 mod control;
 mod drive;
 mod entity;

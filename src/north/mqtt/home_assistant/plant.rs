@@ -183,7 +183,7 @@ impl<'a> Plant<'a> {
     fn entities(&self, device: Device<'_>) -> Vec<Entity> {
         match device {
             Device::Gateway => gateway::entities(self.topics, self.lines),
-            Device::Drive(drive) => drive::entities(self.topics, drive),
+            Device::Drive(drive) => drive::entities(self.topics, drive, &self.settings.combined),
         }
     }
 
@@ -228,6 +228,14 @@ impl<'a> Plant<'a> {
     }
 
     fn about(&self, device: Device<'_>) -> Value {
+        let mut about = self.identity(device);
+        if let Some(page) = &self.settings.page {
+            about["configuration_url"] = page.as_str().into();
+        }
+        about
+    }
+
+    fn identity(&self, device: Device<'_>) -> Value {
         let node = self.node();
         let id = |object: &str| ids::unique(&node, object);
         match device {

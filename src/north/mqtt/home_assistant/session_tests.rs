@@ -13,7 +13,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const NODE: &str = "vfd-gateway-plant";
 
 fn speaking(version: Version) -> Settings {
-    let home_assistant = Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: false });
+    let home_assistant =
+        Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: false, combined: Vec::new(), page: None });
     Settings { home_assistant, ..settings(version) }
 }
 
@@ -233,7 +234,8 @@ fn a_reload_takes_back_what_is_gone_and_shows_what_is_new() {
 fn discovery_that_is_switched_off_takes_everything_back() {
     for devices in [false, true] {
         let with = |discovery| {
-            let home_assistant = Some(HomeAssistant { discovery, prefix: "ha".into(), devices });
+            let home_assistant =
+                Some(HomeAssistant { discovery, prefix: "ha".into(), devices, combined: Vec::new(), page: None });
             Settings { home_assistant, ..settings(Version::V4) }
         };
         let mut home = Home::new(with(true));
@@ -259,7 +261,8 @@ fn discovery_that_is_switched_off_takes_everything_back() {
 fn the_way_of_announcing_changes_in_the_order_that_keeps_what_people_made_of_it() {
     for devices in [true, false] {
         let with = |devices| {
-            let home_assistant = Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices });
+            let home_assistant =
+                Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices, combined: Vec::new(), page: None });
             Settings { home_assistant, ..settings(Version::V5) }
         };
         let mut home = Home::new(with(!devices));
@@ -283,7 +286,8 @@ fn the_way_of_announcing_changes_in_the_order_that_keeps_what_people_made_of_it(
 
 #[test]
 fn a_device_that_holds_less_than_before_is_taken_back_first() {
-    let home_assistant = Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: true });
+    let home_assistant =
+        Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: true, combined: Vec::new(), page: None });
     let with = || Settings { home_assistant: home_assistant.clone(), ..settings(Version::V4) };
     let topic = "ha/device/vfd-gateway-plant/drive_pump/config";
     let less = || {
