@@ -1,14 +1,16 @@
-//! `check`: reports all problems of a configuration at once, or the cost of each of its lines. Opens nothing.
+//! `check`: reports all problems of a configuration at once, or what it means, on one page or in full. Opens nothing.
 
 mod drive;
+mod summary;
+mod warnings;
 
 use super::input::Findings;
 use super::log::complain;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{
-    BEHIND_A_BRIDGE, Config, DriveSettings, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress,
-    SparkplugSettings, line_plan,
+    Config, DriveSettings, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, SparkplugSettings,
+    line_plan,
 };
 use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
@@ -28,6 +30,9 @@ pub struct Args {
     /// The configuration file
     #[arg(short, long, value_name = "FILE")]
     config: PathBuf,
+    /// Print what it means in full: polls, times, orders, and what must be set at each drive
+    #[arg(short, long, conflicts_with = "json")]
+    verbose: bool,
     /// Print problems and warnings as JSON only
     #[arg(long)]
     json: bool,
@@ -52,7 +57,10 @@ pub fn check(args: &Args) -> Result<(), Failure> {
     if !config.warnings.is_empty() {
         complain(format!("{}\n\n", input::drawn(&found)).as_bytes());
     }
-    print(&report(&config))
+    if args.verbose {
+        return print(&report(&config));
+    }
+    print(&format!("{}: OK\n{}", args.config.display(), summary::summary(&config)))
 }
 
 /// The findings, for programs.
@@ -81,9 +89,8 @@ fn report(config: &Config) -> String {
     }
     for listener in &config.listeners {
         let _ = writeln!(text, "{}", of_listener(listener));
-        let bridges = listener.bridges();
-        if !bridges.is_empty() {
-            let _ = writeln!(text, "  warning: {}: {BEHIND_A_BRIDGE}", list(bridges));
+        if let Some((networks, warning)) = warnings::behind_a_bridge(listener) {
+            let _ = writeln!(text, "  warning: {networks}: {warning}");
         }
     }
     if let Some(mqtt) = &config.mqtt {
@@ -180,13 +187,8 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
         let percent = budget.use_if_delayed * 100.0;
         writeln!(text, "  and {percent:.1} % where each drive is set to its longest delay of replies")?;
     }
-    if budget.stretch > 1.0 {
-        writeln!(
-            text,
-            "  warning: the plan is over-full; every period is stretched {:.2} times, to the ages below (at most {})",
-            budget.stretch,
-            ms(line.max_status_age)
-        )?;
+    if let Some(over_full) = warnings::over_full(line) {
+        writeln!(text, "  warning: {over_full}")?;
     }
     stops(text, line)?;
     for place in 0..line.drives.len() {

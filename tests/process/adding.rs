@@ -106,14 +106,14 @@ fn a_device_that_is_no_drive_is_read() {
     let line = "[[line]]\nname = 'hall'\nport = '/dev/ttyUSB0'\n[[line.drive]]\nname = 'm'\nstation = 1\n";
     let dirs = format!("[gateway]\nmodel_dirs = ['{}']\n", written.models.display());
     let file = written.place.write("meter.conf", &format!("{dirs}{line}model = 'acme-meter'\n"));
-    let said = ask(&["check", "-c", file.to_str().unwrap()], 0);
+    let said = ask(&["check", "--verbose", "-c", file.to_str().unwrap()], 0);
     assert!(said.contains("read of 0x0000 x1 (voltage)") && said.contains("read-only"), "{said}");
 }
 
 #[test]
 fn the_configuration_of_the_tutorial_says_what_is_to_be_set() {
     let written = Written::new();
-    let said = ask(&["check", "-c", written.configuration.to_str().unwrap()], 0);
+    let said = ask(&["check", "--verbose", "-c", written.configuration.to_str().unwrap()], 0);
     for word in [
         "can be ordered: stop, frequency, forward, reverse, reset",
         "unproven and accepted: reset",

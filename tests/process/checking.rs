@@ -78,7 +78,7 @@ fn what_is_no_file_or_much_too_long_is_refused_before_it_is_read() {
 #[test]
 fn check_accepts_the_example_and_says_what_it_costs() {
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml");
-    let output = vfd_gateway(&["check", "-c", example.to_str().unwrap()]);
+    let output = vfd_gateway(&["check", "--verbose", "-c", example.to_str().unwrap()]);
     let said = said(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");
     for word in [
@@ -113,7 +113,7 @@ fn check_warns_about_what_has_no_effect() {
     assert_eq!(plain.status.code(), Some(0), "{warned}");
     assert!(warned.contains(&format!("{file}:9:")) && warned.contains("has no effect"), "{warned}");
     assert!(warned.contains(": 1 warning") && !warned.contains("problem"), "{warned}");
-    assert!(String::from_utf8_lossy(&plain.stdout).contains("drive pump-1"));
+    assert!(String::from_utf8_lossy(&plain.stdout).contains("line hall-1"));
     let found = |file: &str| {
         let output = vfd_gateway(&["check", "-c", file, "--json"]);
         (output.status.code(), serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap())
@@ -147,7 +147,7 @@ fn check_says_what_a_line_is_reached_through() {
             "[[line]]\nname = \"hall-1\"\n{keys}\n[[line.drive]]\nname = \"pump-1\"\nmodel = \"hyundai-n700\"\nstation = 1\n"
         );
         let file = place.write("port.toml", &text);
-        let output = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
+        let output = vfd_gateway(&["check", "--verbose", "-c", file.to_str().unwrap()]);
         let said = said(&output);
         assert_eq!(output.status.code(), Some(0), "{said}");
         assert!(said.contains(says), "{keys}: no {says}:\n{said}");

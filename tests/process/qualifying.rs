@@ -121,7 +121,7 @@ impl Site {
 }
 
 fn check(site: &Site) -> std::process::Output {
-    vfd_gateway(&["check", "-c", site.file.to_str().unwrap()])
+    vfd_gateway(&["check", "--verbose", "-c", site.file.to_str().unwrap()])
 }
 
 fn own_model(like: &str, title: &str) -> String {

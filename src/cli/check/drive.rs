@@ -1,15 +1,16 @@
 //! The part of `check` about one drive: its polls, what it can be ordered, and what has to be set on it.
 
 use super::super::model_facts::{BASICS, orders};
+use super::warnings::{feeds_watchdog, takes_control};
 use super::{list, ms};
 use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
 use crate::domain::address::Address;
-use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, Ownership};
 use crate::line::budget::{Budget, PlannedRead};
 use crate::line::timeouts::Class;
-use crate::profile::model::{Memory, Model, RunForm, SetupItem, Watchdog};
+use crate::profile::model::{Memory, Model, SetupItem, Watchdog};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::words::word_for;
 use std::fmt::{Result, Write};
@@ -118,11 +119,8 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
     )?;
     capabilities(text, control, model)?;
     start(text, model)?;
-    if let Some(priority) = model.run.as_ref().and_then(|run| priority(&run.form)) {
-        writeln!(
-            text,
-            "    warning: every command, a stop too, takes control from panel and terminals (bits 0x{priority:04X})"
-        )?;
+    if let Some(warning) = takes_control(model) {
+        writeln!(text, "    warning: {warning}")?;
     }
     Ok(())
 }
@@ -197,14 +195,6 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     Ok(())
 }
 
-/// Bits with which the drive obeys the bus whatever its own settings.
-const fn priority(form: &RunForm) -> Option<u16> {
-    match form {
-        RunForm::Bits { priority, .. } if *priority != 0 => Some(*priority),
-        RunForm::Bits { .. } | RunForm::Values => None,
-    }
-}
-
 fn native(text: &mut String, control: &ControlSettings, model: &Model) -> Result {
     if control.native_write.is_empty() {
         return Ok(());
@@ -238,10 +228,19 @@ fn wired(text: &mut String, bus: BusFunctions) -> Result {
     }
 }
 
+/// What must be set at a drive of `model` on `line`, in order.
+pub(super) fn settings<'m>(
+    model: &'m Model,
+    line: &LineSettings,
+    bus: BusFunctions,
+) -> impl Iterator<Item = &'m SetupItem> {
+    let interface = line.interface;
+    let is_of_line = move |item: &&SetupItem| item.interface.is_none_or(|it| it == interface);
+    model.setup.iter().filter(is_of_line).filter(move |item| item.concerns(model, bus))
+}
+
 fn setup(text: &mut String, model: &Model, line: &LineSettings, bus: BusFunctions) -> Result {
-    let is_of_line = |item: &SetupItem| item.interface.is_none_or(|interface| interface == line.interface);
-    let concerns = |item: &&SetupItem| is_of_line(item) && item.concerns(model, bus);
-    let items: Vec<_> = model.setup.iter().filter(concerns).collect();
+    let items: Vec<_> = settings(model, line, bus).collect();
     if !items.is_empty() {
         writeln!(text, "    must be set on the drive, in this order:")?;
     }
@@ -277,8 +276,8 @@ fn watchdog_chain(text: &mut String, drive: &DriveSettings, gap: Duration) -> Re
     if drive.model.watchdog_is_proven() {
         writeln!(text, "    a declared stop without effect for {confirm} is left to its watchdog, if that is on")?;
     }
-    if drive.model.watchdog.is_some() && control.on_commander_lost == FailSafe::Hold {
-        writeln!(text, "    warning: with hold its polls go on and keep its watchdog fed when the commander is gone")?;
+    if let Some(warning) = feeds_watchdog(&drive.model, control) {
+        writeln!(text, "    warning: {warning}")?;
     }
     Ok(())
 }

@@ -41,7 +41,7 @@ pub(super) const FILE: &[Section] = &[
                 "also",
                 "none",
                 "A second, independent source: a place in another document, neither of which was made from the other. It makes \
-                 the fact no surer; `check` and `models check` say which of stop, forward and setpoint have one.",
+                 the fact no surer; `check --verbose` and `models check` say which of stop, forward and setpoint have one.",
             ),
         ],
     },

@@ -160,7 +160,7 @@ pub(super) const ORDERS: &[Section] = &[
     },
     Section {
         table: "setup",
-        says: "The settings that the drive needs before it obeys the bus, in the order in which they are made. `check` and \
+        says: "The settings that the drive needs before it obeys the bus, in the order in which they are made. `check --verbose` and \
                `verify` print them, `enable` makes those that have a register. Rows are told apart by `what`.",
         keys: &[
             ("what", "", "The vendor's code, or the switch."),
