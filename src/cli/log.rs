@@ -1,5 +1,6 @@
 //! Log lines on stderr.
 
+use crate::daemon::host::recent_log;
 use std::io::{self, IsTerminal, Write};
 use tracing_appender::non_blocking::{NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::EnvFilter;
@@ -32,13 +33,14 @@ pub fn start(format: Format, level: &str) -> WorkerGuard {
     guard
 }
 
-/// Standard error; a line that cannot be written is dropped without further effect. Its reader may be gone, and an
+/// Standard error, and the newest lines for diagnostics; a line that cannot be written is dropped without further effect. Its reader may be gone, and an
 /// error would make the library complain on the same standard error, which panics the thread that logs.
 struct Stderr;
 
 impl Write for Stderr {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
         complain(line);
+        recent_log::own().keep(line);
         Ok(line.len())
     }
 

@@ -19,7 +19,8 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let config = input::configuration(&args.config)?;
     let file = args.config.clone();
-    let load: Load = Arc::new(move || input::configuration(&file).map_err(|failure| failure.to_string()));
+    let read = move || input::configuration(&file).map_err(|failure| failure.to_string());
+    let load = Load { file: args.config.clone(), read: Arc::new(read) };
     let mut end = Ok(());
     let started = daemon::run(&config, Some(load), async |running| {
         let told = match told_to_end() {
@@ -34,6 +35,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         tracing::info!(gateway = name, version = env!("CARGO_PKG_VERSION"), "running");
         for address in &running.listening {
             tracing::info!(%address, "Modbus TCP");
+        }
+        if let Some(address) = running.http {
+            tracing::info!(%address, "HTTP");
         }
         told.await;
         tracing::info!("shutdown requested");

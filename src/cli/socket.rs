@@ -13,8 +13,8 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::UnixStream;
 
-/// Longest answer that is read. A gateway with a thousand drives sends less.
-const ANSWER_BYTES_MAX: usize = 1024 * 1024;
+/// Longest answer that is read. The longest are diagnostics of a gateway with many lines.
+const ANSWER_BYTES_MAX: usize = 64 * 1024 * 1024;
 
 /// Where the gateway's socket is.
 #[derive(Debug, clap::Args)]
@@ -28,6 +28,12 @@ pub struct SocketArgs {
 }
 
 impl SocketArgs {
+    /// The configuration file, if it is given.
+    #[must_use]
+    pub fn config(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
     /// The socket.
     ///
     /// # Errors

@@ -34,6 +34,7 @@ pub mod ready;
 mod ready_broker;
 mod ready_http;
 mod resolve;
+mod secrets;
 #[cfg(test)]
 mod tests;
 mod units;
@@ -50,6 +51,7 @@ pub use ready::{
     JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,
     Silence, SparkplugSettings, TlsSettings, command_deadline,
 };
+pub use secrets::without_secrets;
 
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;

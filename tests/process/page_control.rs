@@ -138,7 +138,8 @@ fn without_users_the_page_commands_nothing() {
     assert!(policy.contains("default-src 'self'") && policy.contains("frame-ancestors 'none'"), "{policy}");
     assert_eq!(browser.sign_in("anna", PASSWORD).status, 403);
     browser.cookie = format!("vfd_session={}", "0".repeat(64));
-    for path in ["/api/v1/drives/pump-1/command", "/api/v1/drives/pump-1/lease", "/api/v1/stop"] {
+    for path in ["/api/v1/drives/pump-1/command", "/api/v1/drives/pump-1/lease", "/api/v1/stop", "/api/v1/diagnostics"]
+    {
         assert_eq!(browser.post(path, &json!({ "run": "forward" })).status, 403, "{path}");
         assert_eq!(browser.get(path).status, 405, "{path}");
     }

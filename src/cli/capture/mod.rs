@@ -1,7 +1,5 @@
 //! `capture`: records the traffic of a line to a file for network analysers.
 
-mod packets;
-mod pcapng;
 mod sse;
 mod watching;
 
@@ -11,8 +9,8 @@ use super::socket::{self, Question};
 use crate::daemon::host::clock;
 use crate::daemon::service::run::told_to_end;
 use crate::domain::time::MonoTime;
-use packets::PacketFrame;
-use pcapng::Header;
+use crate::north::traffic::packets::{PacketFrame, beginning_of};
+use crate::north::traffic::pcapng;
 use serde_json::Value;
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
@@ -175,30 +173,11 @@ impl<'a> Capture<'a> {
             let file = File::create(&args.out);
             Box::new(file.map_err(|error| Failure::failed(format!("{}: {error}", args.out.display())))?)
         };
-        let word = |key: &str| line[key].as_str().unwrap_or("?");
-        let drives = line["drives"].as_array().into_iter().flatten();
-        let drives = drives.map(|drive| {
-            format!(
-                "{} {} at station {}",
-                drive["model"].as_str().unwrap_or("?"),
-                drive["name"].as_str().unwrap_or("?"),
-                drive["station"]
-            )
-        });
-        let description = [format!("{}, {} {}", word("port"), word("link"), word("framing"))].into_iter().chain(drives);
-        let header = Header {
-            hardware: std::env::consts::ARCH,
-            os: std::env::consts::OS,
-            application: concat!("vfd-gateway ", env!("CARGO_PKG_VERSION")),
-            line: word("line"),
-            description: &description.collect::<Vec<_>>().join(", "),
-            baud: line["baud"].as_u64().unwrap_or(0),
-        };
         let now = clock::now();
         let mut capture = Self {
             args,
             out,
-            is_rtu: word("framing") == "rtu",
+            is_rtu: line["framing"] == "rtu",
             frames: 0,
             lost: 0,
             dropped: 0,
@@ -206,7 +185,7 @@ impl<'a> Capture<'a> {
             shown: MonoTime::ZERO,
             shows: io::stderr().is_terminal(),
         };
-        capture.put(&pcapng::beginning(&header))?;
+        capture.put(&beginning_of(line))?;
         capture.show();
         Ok(capture)
     }

@@ -1,6 +1,8 @@
 //! What the operating system provides: clocks, files, secrets, terminals, limits.
 
+pub mod about;
 pub mod adapters;
+pub mod archive;
 pub mod authority;
 pub mod clock;
 pub mod descriptors;
@@ -8,6 +10,7 @@ pub mod directories;
 pub mod pem_files;
 pub mod pty;
 pub(super) mod random;
+pub mod recent_log;
 pub mod secret_files;
 pub mod sys;
 pub mod timer;

@@ -8,6 +8,7 @@
 mod answers;
 mod connections;
 mod control;
+mod diagnostics;
 mod doorkeeper;
 mod entrance;
 mod front;
@@ -45,6 +46,7 @@ pub use state::State;
 
 use axum::middleware::from_fn_with_state;
 use connections::Patience;
+use diagnostics::Diagnostics;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 
@@ -55,7 +57,8 @@ pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 pub async fn serve(listener: TcpListener, documents: Documents, control: Arc<Control>) {
     let front = Arc::clone(control.front());
     let changed = Arc::clone(control.changed());
-    let router = routes::router(documents).merge(control::router(control));
+    let diagnostics = Arc::new(Diagnostics::new(documents.clone()));
+    let router = routes::router(documents).merge(control::router(control, diagnostics));
     let router = router.layer(from_fn_with_state(large::Room::default(), large::look));
     let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));
     entrance::serve(listener, router, (front, changed), Patience::default()).await;

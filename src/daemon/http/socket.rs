@@ -1,6 +1,7 @@
 //! The Unix socket by which the program's own commands reach the running gateway.
 
 use super::connections::{self, Patience};
+use super::diagnostics::{self, Diagnostics};
 use super::reachable::Reachable;
 use super::routes::Documents;
 use super::{own_routes, qualify, routes};
@@ -90,7 +91,9 @@ impl OwnSocket {
         if let Some(listener) = self.listener.take() {
             let data_dir = self.path.parent().map(Path::to_owned).unwrap_or_default();
             let trials = qualify::router(Arc::clone(&side), data_dir);
-            let router = routes::router(documents).merge(own_routes::router(side)).merge(trials);
+            let diagnostics = diagnostics::own_router(Arc::new(Diagnostics::new(documents.clone())));
+            let own = own_routes::router(side).merge(trials).merge(diagnostics);
+            let router = routes::router(documents).merge(own);
             connections::serve(listener, router, Patience::default()).await;
         }
     }

@@ -7,6 +7,7 @@ use crate::daemon::journal::Journal;
 use crate::domain::report::LineState;
 use crate::domain::time::{MonoTime, WallTime};
 use arc_swap::ArcSwapOption;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What the HTTP side reads. It is created once, when the gateway starts.
@@ -24,6 +25,8 @@ pub struct State {
     pub sparkplug: ArcSwapOption<SparkplugTotals>,
     /// The journal; `None` without a data directory.
     pub journal: Option<Arc<Journal>>,
+    /// The configuration file; `None` if there is none.
+    pub configuration: Option<PathBuf>,
     /// Whether the program's own commands reach the gateway; `None` without a data directory.
     pub socket: Option<Arc<Reachable>>,
     /// When the gateway started.

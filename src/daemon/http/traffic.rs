@@ -158,7 +158,7 @@ fn event(text: &mut String, name: &str, data: &Value) {
     let _ = write!(text, "event: {name}\ndata: {data}\n\n");
 }
 
-fn facts(line: &SharedLine) -> LineFacts {
+pub(super) fn facts(line: &SharedLine) -> LineFacts {
     let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
         let description = &drive.description;
         KnownDrive {
@@ -172,7 +172,7 @@ fn facts(line: &SharedLine) -> LineFacts {
 }
 
 /// The description of the line with which an answer begins.
-fn about(line: &SharedLine) -> Value {
+pub(super) fn about(line: &SharedLine) -> Value {
     let framing = FRAMINGS.iter().find(|(_, framing)| *framing == line.wiring.framing).map(|(word, _)| *word);
     let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
         let description = &drive.description;
@@ -189,18 +189,18 @@ fn about(line: &SharedLine) -> Value {
 }
 
 /// The wall clock as of the beginning of the answer: intervals stay right although the clock may be set meanwhile.
-struct WallClock {
+pub(super) struct WallClock {
     /// Microseconds that it was ahead of the monotonic clock.
     ahead_us: i64,
 }
 
 impl WallClock {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { ahead_us: clock::wall_micros() - micros(clock::now()) }
     }
 
     /// `at` as RFC 3339 in UTC with microseconds.
-    fn rfc3339(&self, at: MonoTime) -> String {
+    pub(super) fn rfc3339(&self, at: MonoTime) -> String {
         let unix_us = micros(at) + self.ahead_us;
         let text = rfc3339(WallTime { unix_ms: unix_us.div_euclid(1000) });
         format!("{}{:03}Z", text.trim_end_matches('Z'), unix_us.rem_euclid(1000))

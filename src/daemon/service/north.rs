@@ -21,6 +21,7 @@ use crate::daemon::service::start_error::StartError;
 use crate::domain::ids::Name;
 use std::io;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::net::{TcpListener, TcpSocket, UnixStream};
@@ -171,7 +172,7 @@ impl North {
     /// Starts everything on the current [`LocalSet`](tokio::task::LocalSet); it ends with that.
     pub fn start(
         config: &Config,
-        name: &Name,
+        (name, file): (&Name, Option<PathBuf>),
         current: Current,
         sides: NorthSides,
         bound: Bound,
@@ -187,6 +188,7 @@ impl North {
             mqtt: None.into(),
             sparkplug: None.into(),
             journal: sides.journal.clone(),
+            configuration: file,
             socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
             started: started.mono,
             started_at: started.wall,

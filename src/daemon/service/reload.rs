@@ -17,6 +17,7 @@ use crate::daemon::service::north::{self, Bound, North};
 use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
 use crate::domain::ids::Name;
 use std::fmt;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::JoinHandle;
@@ -29,7 +30,16 @@ const MEMORY_WITHIN: Duration = Duration::from_secs(1);
 const LOADED_WITHIN: Duration = Duration::from_secs(10);
 
 /// Loads the configuration, or returns all its problems as text.
-pub type Load = Arc<dyn Fn() -> Result<Config, String> + Send + Sync>;
+type Read = dyn Fn() -> Result<Config, String> + Send + Sync;
+
+/// Where the configuration comes from.
+#[derive(Clone)]
+pub struct Load {
+    /// The file.
+    pub file: PathBuf,
+    /// Loads it.
+    pub read: Arc<Read>,
+}
 
 /// The parts of a running gateway that a reload changes.
 #[derive(Debug)]
@@ -69,8 +79,8 @@ impl Loader {
             let _ = timeout(within, earlier).await.map_err(|_| late())?;
             self.running = None;
         }
-        let load = Arc::clone(load);
-        let running = self.running.insert(tokio::task::spawn_blocking(move || load()));
+        let read = Arc::clone(&load.read);
+        let running = self.running.insert(tokio::task::spawn_blocking(move || read()));
         let loaded = timeout(within, running).await.map_err(|_| late())?;
         self.running = None;
         match loaded {
@@ -207,11 +217,12 @@ mod tests {
     async fn a_file_that_is_never_read_holds_up_one_reload_and_no_later_one() {
         let (release, hangs) = mpsc::channel::<()>();
         let hangs = Mutex::new(Some(hangs));
-        let load: Load = Arc::new(move || {
+        let read = move || {
             let hangs = hangs.lock().unwrap().take();
             let _ = hangs.map(|hangs| hangs.recv());
             Err("read".to_owned())
-        });
+        };
+        let load = Load { file: PathBuf::new(), read: Arc::new(read) };
         let mut loader = Loader::default();
         for _ in 0..2 {
             let refused = loader.load(&load, Duration::from_millis(10)).await.unwrap_err();

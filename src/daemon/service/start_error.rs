@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// A listener's address could not be bound.
-    #[error("cannot listen on {address}: {error}")]
+    #[error("cannot listen on {address}: {error}{}", listen_hint(error))]
     Listen {
         /// As configured.
         address: SocketAddr,
@@ -38,4 +38,18 @@ pub enum StartError {
     /// A thread, a runtime or a signal handler was refused.
     #[error("the system refuses a resource that the daemon needs: {0}")]
     System(#[from] io::Error),
+}
+
+/// What to do about a refused address.
+fn listen_hint(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            "; another program uses this port (`ss -ltnp` shows which): end it, or set another `listen`"
+        }
+        io::ErrorKind::AddrNotAvailable => "; this host has no such address (`ip address` shows those that it has)",
+        io::ErrorKind::PermissionDenied => {
+            "; ports below 1024 need the right CAP_NET_BIND_SERVICE: set another `listen`, such as port 1502"
+        }
+        _ => "",
+    }
 }

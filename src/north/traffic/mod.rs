@@ -6,6 +6,8 @@
 
 mod frame;
 mod json;
+pub mod packets;
+pub mod pcapng;
 mod register;
 mod reply;
 mod request;

@@ -1,17 +1,35 @@
 //! The routes that need a sign-in.
 
+use super::admission::admit;
 use super::{Control, commands, sign_in};
+use crate::daemon::http::diagnostics::{Diagnostics, answer};
 use axum::Router;
+use axum::extract::{Request, State};
+use axum::response::Response;
 use axum::routing::{get, post};
 use std::sync::Arc;
 
 /// The routes of control. Orders have no bound of their own: a connection sends one at a time, and connections are
 /// bounded.
-pub fn router(control: Arc<Control>) -> Router {
+pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
+    let for_users = (Arc::clone(&control), diagnostics);
     Router::new()
         .route("/api/v1/session", get(sign_in::session).post(sign_in::sign_in).delete(sign_in::sign_out))
         .route("/api/v1/drives/{name}/command", post(commands::command))
         .route("/api/v1/drives/{name}/lease", post(commands::renew))
         .route("/api/v1/stop", post(commands::stop_all))
         .with_state(control)
+        .merge(Router::new().route("/api/v1/diagnostics", post(diagnostics_for_user)).with_state(for_users))
+}
+
+type ForUsers = (Arc<Control>, Arc<Diagnostics>);
+
+async fn diagnostics_for_user(State((control, diagnostics)): State<ForUsers>, request: Request) -> Response {
+    match admit(&control, request).await.and_then(super::admission::Admitted::whole) {
+        Ok(admitted) => {
+            tracing::info!(user = %admitted.user, "diagnostics made for the page");
+            answer(&diagnostics).await
+        }
+        Err(refused) => *refused,
+    }
 }

@@ -1,6 +1,6 @@
 // The lines, and what is wrong or could be better.
 
-import { attribute, h, keyed, number, prose, shape, reshape, show, span, text, words } from "./dom.js";
+import { attribute, h, keyed, number, prose, shape, reshape, show, span, text } from "./dom.js";
 
 const SHOWN_AT_FIRST = 4;
 
@@ -93,7 +93,7 @@ class Line {
     const is_up = state === "up";
     attribute(this.element, "data-state", is_up ? (line.is_suspended ? "suspended" : "up") : "down");
     reshape(this.shape, is_up ? "good" : "problem");
-    text(this.state, is_up ? "up" : `down${reason ? `: ${words(reason)}` : ""}`);
+    text(this.state, is_up ? "up" : `down${reason ? `: ${reason}` : ""}`);
     text(this.about, `${line.port} · ${line.link} ${String(line.framing ?? "").toUpperCase()} · ${line.drives?.length ?? 0} drives`);
     const use = line.use_per_cent;
     this.bar.value = typeof use === "number" ? use : 0;

@@ -1,7 +1,8 @@
 // What a line says about itself: what is good, what is not, and how fast its drives answer.
 
-import { h, number, prose, shape, text, words } from "./dom.js";
+import { h, number, prose, shape, show, text, words } from "./dom.js";
 import { choices, document_at, labelled, table } from "./fetched.js";
+import * as session from "./session.js";
 
 const EVERY_MS = 5000;
 const HEADINGS = ["Drive", "Station", "Answers to", "Count", "p50", "p90", "p99", "p99.9", "Longest", "Time-out", "Suggested"];
@@ -20,8 +21,11 @@ export class Report {
     this.body = body;
     this.row = row;
     this.is_open = false;
+    this.pack = h("button", { type: "button", class: "plain", click: () => this.save() }, "Save diagnostics");
+    session.changed(({ user }) => show(this.pack, user !== null));
+    show(this.pack, session.current().user !== null);
     element.append(
-      h("div", { class: "tools" }, labelled("Line", this.line)),
+      h("div", { class: "tools" }, labelled("Line", this.line), this.pack),
       this.message,
       this.verdict,
       this.rates,
@@ -43,6 +47,16 @@ export class Report {
     this.is_open = false;
   }
 
+  /** One archive for whoever helps: it takes as long as the traffic is recorded. */
+  async save() {
+    this.pack.disabled = true;
+    text(this.pack, "Recording 10 s");
+    const wrong = await session.diagnostics();
+    this.pack.disabled = false;
+    text(this.pack, "Save diagnostics");
+    if (wrong !== null) text(this.message, wrong);
+  }
+
   async load() {
     const line = this.line.value;
     if (!line) return;
@@ -52,7 +66,7 @@ export class Report {
       text(this.message, error);
       return;
     }
-    const reason = answer.reason ? `: ${words(answer.reason)}` : "";
+    const reason = answer.reason ? `: ${answer.reason}` : "";
     text(this.message, `${answer.state}${reason} · ${answer.link} · observed for ${number(answer.observed_s, 0)} s`);
     this.verdict.replaceChildren(
       ...answer.verdict.map(({ severity, drive, text: sentence }) => {

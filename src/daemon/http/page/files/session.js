@@ -4,6 +4,7 @@ import { announce } from "./dom.js";
 
 const TIMEOUT_MS = 20_000;
 const STOP_TIMEOUT_MS = 8000;
+const DIAGNOSTICS_TIMEOUT_MS = 40_000;
 const NO_GATEWAY = "No answer from the gateway. Stop the drive by its own means.";
 const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by its own means.";
 // The gateway takes a moment for 1.5 s. Where no events bring one, as in a hidden tab, a renewal asks for one first.
@@ -73,6 +74,27 @@ export async function sign_out() {
   await send("DELETE", "/api/v1/session", null, TIMEOUT_MS);
   take({ user: null, token: null });
   await refresh();
+}
+
+/** Saves the gateway's diagnostics as a file; returns what went wrong, or null. */
+export async function diagnostics() {
+  const headers = { "Content-Type": "application/json", "X-CSRF-Token": session.token ?? "" };
+  try {
+    const signal = AbortSignal.timeout(DIAGNOSTICS_TIMEOUT_MS);
+    const response = await fetch("/api/v1/diagnostics", { method: "POST", headers, body: "{}", cache: "no-store", signal });
+    if (!response.ok) {
+      const answer = await response.json().catch(() => null);
+      return answer?.error ?? `The gateway answered ${response.status}.`;
+    }
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(await response.blob());
+    link.download = /filename="([^"]+)"/.exec(response.headers.get("Content-Disposition") ?? "")?.[1] ?? "diagnostics.tar.gz";
+    link.click();
+    URL.revokeObjectURL(link.href);
+    return null;
+  } catch {
+    return "The gateway did not answer. Try again.";
+  }
 }
 
 async function send(method, path, body, timeout_ms, named = null) {

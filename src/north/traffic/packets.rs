@@ -1,6 +1,6 @@
 //! From a frame as the gateway reports it to a packet that network analysers understand.
 
-use super::pcapng::{Direction, Packet};
+use super::pcapng::{self, Direction, Header, Packet};
 use crate::domain::calendar;
 use serde_json::Value;
 
@@ -54,6 +54,30 @@ impl PacketFrame {
         let is_for_a_drive = *is_for_a_drive;
         Packet { unix_us, direction, is_for_a_drive, protocol, bytes, comment, dropped }
     }
+}
+
+/// The beginning of a file with the frames of `line`, as the gateway describes a line before its traffic.
+#[must_use]
+pub fn beginning_of(line: &Value) -> Vec<u8> {
+    let word = |key: &str| line[key].as_str().unwrap_or("?");
+    let drives = line["drives"].as_array().into_iter().flatten();
+    let drives = drives.map(|drive| {
+        format!(
+            "{} {} at station {}",
+            drive["model"].as_str().unwrap_or("?"),
+            drive["name"].as_str().unwrap_or("?"),
+            drive["station"]
+        )
+    });
+    let description = [format!("{}, {} {}", word("port"), word("link"), word("framing"))].into_iter().chain(drives);
+    pcapng::beginning(&Header {
+        hardware: std::env::consts::ARCH,
+        os: std::env::consts::OS,
+        application: concat!("vfd-gateway ", env!("CARGO_PKG_VERSION")),
+        line: word("line"),
+        description: &description.collect::<Vec<_>>().join(", "),
+        baud: line["baud"].as_u64().unwrap_or(0),
+    })
 }
 
 fn is_for_a_drive(kind: &str) -> bool {

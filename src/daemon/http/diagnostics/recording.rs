@@ -1,0 +1,53 @@
+//! The traffic of a line, recorded for diagnostics as a file for network analysers.
+
+use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::exchange::traffic::{Listener, RECORDS_MAX};
+use crate::daemon::host::clock;
+use crate::daemon::http::traffic::{WallClock, about, facts};
+use crate::domain::link::Framing;
+use crate::north::traffic::Decoder;
+use crate::north::traffic::packets::{PacketFrame, beginning_of};
+use crate::north::traffic::pcapng;
+use std::sync::Arc;
+
+/// Most bytes of one file: minutes of a fast line.
+const BYTES_MAX: usize = 2 * 1024 * 1024;
+
+/// The recording of one line.
+pub(super) struct Recording {
+    listener: Listener,
+    decoder: Decoder,
+    clock: WallClock,
+    file: Vec<u8>,
+}
+
+impl Recording {
+    /// Records `line` from now on; `None` if too many clients watch it.
+    pub fn begin(line: &Arc<SharedLine>) -> Option<Self> {
+        let listener = Listener::new(Arc::clone(line), None, clock::now)?;
+        let decoder = Decoder::new(facts(line));
+        Some(Self { listener, decoder, clock: WallClock::new(), file: beginning_of(&about(line)) })
+    }
+
+    /// Takes what was recorded since the last time.
+    pub fn take(&mut self) {
+        let is_rtu = self.listener.line().wiring.framing == Framing::Rtu;
+        let mut news = self.listener.look(RECORDS_MAX);
+        if news.lost > 0 {
+            self.decoder.skip();
+        }
+        for (_, record) in news.records {
+            let at = self.clock.rfc3339(record.at());
+            let frame = self.decoder.decode(&record).json(&at, &record.bytes);
+            let Some(frame) = PacketFrame::of(&frame, is_rtu) else { continue };
+            if self.file.len() < BYTES_MAX {
+                self.file.extend(pcapng::packet(&frame.packet(std::mem::take(&mut news.lost))));
+            }
+        }
+    }
+
+    /// The name of its line, and the file.
+    pub fn end(self) -> (String, Vec<u8>) {
+        (self.listener.line().name.to_string(), self.file)
+    }
+}
