@@ -53,7 +53,9 @@
 //! | `clients` | Modbus clients that nobody here wrote: all their functions, limits, many requests at once |
 //! | `overseeing` | metrics, alive, ready, the health check |
 //! | `scraping` | Prometheus as it stands reads the metrics, and the delivered alerts fire |
+//! | `mistakes` | forty usual mistakes, each with the first line that it makes people see |
 //! | `doctoring` | `doctor` names what is wrong with a line |
+//! | `diagnosing` | `diagnose` packs what helps into one archive that other programs read, without secrets |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `services` | the service unit, the udev rule and the starting configuration of the package, as systemd and udev read them |
 //! | `composing` | the compose file, and its broker with its own passwords and access rules |
@@ -115,6 +117,8 @@ mod crashing;
 mod crowding;
 #[path = "process/demo.rs"]
 mod demo;
+#[path = "process/diagnosing.rs"]
+mod diagnosing;
 #[path = "process/doctoring.rs"]
 mod doctoring;
 #[path = "process/documents.rs"]
@@ -216,6 +220,8 @@ mod adapter;
 mod chromium;
 #[path = "process/hass.rs"]
 mod hass;
+#[path = "process/mistakes.rs"]
+mod mistakes;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
 #[path = "process/on_port.rs"]

@@ -1,7 +1,7 @@
 //! `doctor`: observes the lines of the running gateway for a while and reports what is wrong with them.
 
 use super::socket::{self, Question};
-use super::{Failure, log, print};
+use super::{Failure, Tone, log, print, toned};
 use crate::daemon::http::report::SPAN_SECONDS;
 use crate::daemon::http::socket::SOCKET_NAME;
 use axum::http::StatusCode;
@@ -38,7 +38,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Prints a report of each line. It fails if one has a problem.
+/// Prints a report of each line, and what is wrong with the gateway itself. It fails if there is a problem.
 pub fn doctor(args: &Args) -> Result<(), Failure> {
     let socket = match &args.data_dir {
         Some(directory) => directory.join(SOCKET_NAME),
@@ -46,8 +46,13 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let reports = runtime.block_on(watch(&socket, args))?;
-    print(&if args.json { format!("{}\n", json!({ "lines": reports })) } else { text(&reports) })?;
-    match reports.iter().flat_map(findings).filter(|finding| finding["severity"] == "problem").count() {
+    let own = runtime.block_on(own_findings(&socket));
+    print(&if args.json {
+        format!("{}\n", json!({ "lines": reports, "gateway": own }))
+    } else {
+        format!("{}{}", text(&reports), own_text(&own))
+    })?;
+    match reports.iter().flat_map(findings).chain(&own).filter(|finding| finding["severity"] == "problem").count() {
         0 => Ok(()),
         1 => Err(Failure::failed("one problem was found")),
         problems => Err(Failure::failed(format!("{problems} problems were found"))),
@@ -83,6 +88,13 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
     Ok(reports)
 }
 
+/// What is wrong with the gateway itself: its broker, its journal, its socket. Another version may not tell.
+async fn own_findings(socket: &Path) -> Vec<Value> {
+    let told = look(socket, "/api/v1/advice", PATIENCE).await.unwrap_or_default();
+    let is_own = |finding: &&Value| finding["line"].is_null() && finding["drive"].is_null();
+    told["advice"].as_array().into_iter().flatten().filter(is_own).cloned().collect()
+}
+
 async fn look(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
     match socket::ask(socket, Question::look(path), patience).await? {
         (StatusCode::OK, answer) => Ok(answer),
@@ -113,6 +125,23 @@ fn say(text: &str) {
 
 fn findings(report: &Value) -> impl Iterator<Item = &Value> {
     report["verdict"].as_array().into_iter().flatten()
+}
+
+/// What is wrong with the gateway itself; empty if nothing is.
+fn own_text(findings: &[Value]) -> String {
+    let rows = findings.iter().map(finding_row);
+    if findings.is_empty() { String::new() } else { format!("\ngateway\n{}", rows.collect::<String>()) }
+}
+
+fn finding_row(finding: &Value) -> String {
+    let word = |key: &str| finding[key].as_str().unwrap_or("?");
+    let severity = word("severity");
+    let tone = match severity {
+        "good" => Tone::Good,
+        "problem" => Tone::Problem,
+        _ => Tone::Notice,
+    };
+    format!("  {}: {}\n", toned(tone, severity), word("text"))
 }
 
 /// The reports for people. Missing values are shown as `?` or `-`: another version may send less.
@@ -155,9 +184,7 @@ fn line(report: &Value) -> String {
         }
     }
     text.push_str(&drives(report));
-    for finding in findings(report) {
-        let _ = writeln!(text, "  {}: {}", word(finding, "severity"), word(finding, "text"));
-    }
+    text.extend(findings(report).map(finding_row));
     text
 }
 
@@ -239,6 +266,13 @@ mod tests {
             pump-1         stored write        7  4.25   5.0   6.0     7.0      9.0       500.0          -\n  \
             problem: pump-1: check termination\n";
         assert_eq!(text(&[report]), right);
+    }
+
+    #[test]
+    fn what_is_wrong_with_the_gateway_itself_follows_the_lines() {
+        let finding = json!({ "severity": "problem", "text": "the broker is not reached" });
+        assert_eq!(own_text(&[finding]), "\ngateway\n  problem: the broker is not reached\n");
+        assert_eq!(own_text(&[]), "");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `health`: asks the running gateway whether it is ready, or only whether it is alive.
 
 use super::socket::{self, Question, connect, exchange, exchange_bytes, unreachable, within};
-use super::{Failure, print};
+use super::{Failure, Tone, print, toned};
 use axum::http::{StatusCode, Uri};
 use serde_json::Value;
 use std::fmt::{self, Display, Write};
@@ -126,6 +126,24 @@ fn span(seconds: u64) -> String {
     }
 }
 
+/// A word for a state, in its colour.
+fn state_of<'a>(word: &'a str, good: &[&'a str]) -> String {
+    toned(if good.contains(&word) { Tone::Good } else { Tone::Problem }, word)
+}
+
+/// The reason of a state, to follow its word; empty if there is none.
+fn reason_of(part: &Value) -> String {
+    part["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default()
+}
+
+fn line_row(line: &Value) -> String {
+    let word = |key: &str| line[key].as_str().unwrap_or("?");
+    // A line that is down says why itself.
+    let suspicion = line["suspicion"].as_str().filter(|_| line["reason"].is_null());
+    let suspicion = suspicion.map(|text| format!("; {text}")).unwrap_or_default();
+    format!("line {}: {}{}{suspicion}\n", word("name"), state_of(word("state"), &["up"]), reason_of(line))
+}
+
 /// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &Value) -> String {
     fn word<'a>(of: &'a Value, key: &str) -> &'a str {
@@ -135,19 +153,20 @@ fn report(health: &Value) -> String {
     let mut text = String::new();
     let uptime = span(health["uptime_seconds"].as_u64().unwrap_or(0));
     let _ = writeln!(text, "gateway {}: version {}, up {uptime}", word(health, "gateway"), word(health, "version"));
-    for line in items("lines") {
-        let reason = line["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
-        let _ = writeln!(text, "line {}: {}{reason}", word(line, "name"), word(line, "state"));
-    }
+    text.extend(items("lines").map(line_row));
     for drive in items("drives") {
         let name = word(drive, "name");
         let line = word(drive, "line");
         let model = word(drive, "model");
-        let presence = word(drive, "presence");
-        let run_state = word(drive, "run_state");
+        let presence = state_of(word(drive, "presence"), &["online"]);
+        let run_state = match word(drive, "run_state") {
+            "tripped" => toned(Tone::Problem, "tripped"),
+            other => other.to_owned(),
+        };
         let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
         let watchdog = watchdog.unwrap_or_default();
-        let warning = drive["warning"].as_str().map(|text| format!(", warns: {text}")).unwrap_or_default();
+        let warning = drive["warning"].as_str();
+        let warning = warning.map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:"))).unwrap_or_default();
         let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         let site =
             if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
@@ -159,7 +178,12 @@ fn report(health: &Value) -> String {
         } else {
             ""
         };
-        let _ = writeln!(text, "mqtt: {}{rival}", if connected { "connected" } else { "not connected" });
+        let lost = reason_of(&health["mqtt"]);
+        let _ = writeln!(
+            text,
+            "mqtt: {}{lost}{rival}",
+            state_of(if connected { "connected" } else { "not connected" }, &["connected"])
+        );
         if let Some(refused) = health["mqtt"]["events_refused"].as_u64().filter(|refused| *refused > 0) {
             let _ = writeln!(text, "mqtt: the broker refused {refused} trip events; see the log");
         }
@@ -170,11 +194,12 @@ fn report(health: &Value) -> String {
             (false, true) => "waits for its primary host",
             (false, false) => "not connected",
         };
-        let _ = writeln!(text, "sparkplug: {state}");
+        let state = state_of(state, &["published to its hosts"]);
+        let _ = writeln!(text, "sparkplug: {state}{}", reason_of(&health["sparkplug"]));
     }
     if let Some(state) = health["journal"]["state"].as_str() {
-        let reason = health["journal"]["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
-        let _ = writeln!(text, "journal: {state}{reason}");
+        let state = state_of(state, &["ok"]);
+        let _ = writeln!(text, "journal: {state}{}", reason_of(&health["journal"]));
         if let Some(aside) = health["journal"]["moved_aside"].as_str() {
             let _ = writeln!(text, "journal: a damaged journal was moved to {aside}");
         }

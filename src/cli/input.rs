@@ -177,14 +177,19 @@ fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     (own, problems)
 }
 
-/// Renders the problems of `text`, each with its place, and their number.
+/// Most lines that are named for a problem that is there several times.
+const LINES_MAX: usize = 5;
+
+/// Renders the problems of `text`, each with its place, equal ones once, and their number.
 #[must_use]
 pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     let file = path.display().to_string();
-    let text = &without_secrets(text);
+    let text = &config::without_secrets(text);
     let renderer = if std::io::stderr().is_terminal() { Renderer::styled() } else { Renderer::plain() };
-    let mut drawn: Vec<String> =
-        problems.iter().map(|problem| renderer.render(&[group(&file, text, problem)])).collect();
+    let mut drawn: Vec<String> = folded(problems)
+        .iter()
+        .map(|(problem, equal)| renderer.render(&[group(&file, text, problem, same_in(text, equal).as_deref())]))
+        .collect();
     let warnings = problems.iter().filter(|problem| problem.is_warning).count();
     let counts = [(problems.len() - warnings, "problem"), (warnings, "warning")];
     let counts = counts.into_iter().filter(|(count, _)| *count > 0);
@@ -193,34 +198,36 @@ pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     drawn.join("\n\n")
 }
 
-/// `text` with stars, byte for byte, in place of passwords that were put there by mistake: as a value, or before the
-/// host of a URL. What is rendered may end up in a log.
-fn without_secrets(text: &str) -> String {
-    let lines = text.split_inclusive('\n').map(|line| {
-        let is_password =
-            line.trim_start().strip_prefix("password").is_some_and(|rest| rest.trim_start().starts_with('='));
-        let secret = if is_password {
-            line.find('=').map(|at| at + 1..line.trim_end().len())
-        } else {
-            line.find("://").and_then(|at| Some(at + 3..line.rfind('@').filter(|end| *end > at + 3)?))
-        };
-        secret.map_or_else(
-            || line.to_owned(),
-            |span| format!("{}{}{}", &line[..span.start], "*".repeat(span.len()), &line[span.end..]),
-        )
-    });
-    lines.collect()
+/// Each problem, with those that say the same of other places.
+fn folded(problems: &[Problem]) -> Vec<(&Problem, Vec<&Problem>)> {
+    let said = |problem: &Problem| (problem.is_warning, problem.what.clone(), problem.right.clone());
+    let mut folded: Vec<(&Problem, Vec<&Problem>)> = Vec::new();
+    for problem in problems {
+        match folded.iter_mut().find(|(first, _)| said(first) == said(problem)) {
+            Some((_, equal)) => equal.push(problem),
+            None => folded.push((problem, Vec::new())),
+        }
+    }
+    folded
 }
 
-fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem) -> Group<'a> {
+/// Where else a problem is; `None` if nowhere.
+fn same_in(text: &str, equal: &[&Problem]) -> Option<String> {
+    let lines: Vec<_> = equal.iter().map(|problem| problem.place_in(text).0.to_string()).collect();
+    let (named, more) = lines.split_at_checked(LINES_MAX).unwrap_or((&lines[..], &[]));
+    let what = if lines.len() == 1 { "line" } else { "lines" };
+    let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+    (!lines.is_empty()).then(|| format!("the same in {what} {}{more}", named.join(", ")))
+}
+
+fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem, same: Option<&'a str>) -> Group<'a> {
     let annotation = AnnotationKind::Primary.span(problem.span.clone()).label(problem.key.as_str());
     let location = Snippet::source(text).path(file).annotation(annotation);
     let level = if problem.is_warning { Level::WARNING } else { Level::ERROR };
     let group = level.primary_title(problem.what.as_str()).element(location);
-    match &problem.right {
-        Some(right) => group.element(Level::HELP.message(right.as_str())),
-        None => group,
-    }
+    let help = problem.right.iter().map(|right| Level::HELP.message(right.as_str()));
+    let note = same.map(|same| Level::NOTE.message(same));
+    help.chain(note).fold(group, Group::element)
 }
 
 #[cfg(test)]
@@ -242,12 +249,17 @@ mod tests {
     }
 
     #[test]
-    fn passwords_are_not_drawn() {
-        let text = "password = \"hunter2\"\nbroker = \"mqtt://user:hünter@host\" # x\npassword_file = \"/run/pw\"\n";
-        let drawn = without_secrets(text);
-        assert_eq!(drawn.len(), text.len());
-        assert!(!drawn.contains("hunter") && !drawn.contains("user") && !drawn.contains("ünter"), "{drawn}");
-        assert!(drawn.contains("@host") && drawn.contains("/run/pw"));
+    fn thirty_two_equal_problems_are_drawn_once() {
+        let drive = |station: u32| {
+            format!("[[line.drive]]\nname = \"p{station}\"\nmodel = \"hyundai-n7000\"\nstation = {station}\n")
+        };
+        let drives: String = (1..=32).map(drive).collect();
+        let text = format!("[[line]]\nname = \"hall\"\nport = \"/dev/ttyUSB0\"\n{drives}");
+        let problems = config::load(&text, &vendors::catalog()).unwrap_err();
+        let drawn = draw(Path::new("plant.toml"), &text, &problems);
+        assert_eq!(drawn.matches("-->").count(), 1, "{drawn}");
+        assert!(drawn.contains("the same in lines 10, 14, 18, 22, 26 and 26 more"), "{drawn}");
+        assert!(drawn.ends_with("plant.toml: 32 problems"), "{drawn}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod check;
 mod client;
 mod completions;
 pub mod demo;
+mod diagnose;
 mod doctor;
 mod enable;
 mod failure;
@@ -49,7 +50,7 @@ mod write;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 pub use failure::Failure;
-pub use output::print;
+pub use output::{Tone, print, toned};
 use std::process::ExitCode;
 
 /// Bridges variable-frequency drives on serial lines to Modbus TCP and MQTT.
@@ -90,6 +91,8 @@ enum Command {
     Health(health::Args),
     /// Observe the lines of the running gateway for a while, and report what is wrong and how to fix it
     Doctor(doctor::Args),
+    /// Write one archive for whoever helps: configuration without passwords, log, journal, reports, traffic
+    Diagnose(diagnose::Args),
     /// Reload the configuration of the running gateway atomically
     Reload(reload::Args),
     /// Show the journal: trips, commands and refusals, drives and lines going online and offline. The gateway may be running
@@ -177,6 +180,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::simulate(&args),
         Command::Health(args) => health::health(&args),
         Command::Doctor(args) => doctor::doctor(&args),
+        Command::Diagnose(args) => diagnose::diagnose(&args),
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
         Command::Password(args) => password::password(&args),

@@ -1,6 +1,34 @@
 //! What a command prints to stdout.
 
 use super::Failure;
+use std::io::IsTerminal;
+
+/// How a word is meant, for its colour on a terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tone {
+    /// As it should be.
+    Good,
+    /// Worth a look.
+    Notice,
+    /// Wrong.
+    Problem,
+}
+
+/// `word` in the colour of `tone` if stdout is a terminal, unless `NO_COLOR` is set (https://no-color.org).
+#[must_use]
+pub fn toned(tone: Tone, word: &str) -> String {
+    let is_coloured = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
+    if is_coloured { coloured(tone, word) } else { word.to_owned() }
+}
+
+fn coloured(tone: Tone, word: &str) -> String {
+    let code = match tone {
+        Tone::Good => 32,
+        Tone::Notice => 33,
+        Tone::Problem => 31,
+    };
+    format!("\x1b[{code}m{word}\x1b[0m")
+}
 
 /// Prints to stdout. A reader that has gone away, such as `head`, ends the output without an error.
 ///
@@ -11,5 +39,16 @@ pub fn print(text: &str) -> Result<(), Failure> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::failed(error)),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_tone_has_its_colour_and_ends_with_its_word() {
+        assert_eq!(coloured(Tone::Good, "up"), "\x1b[32mup\x1b[0m");
+        assert_ne!(coloured(Tone::Notice, "x"), coloured(Tone::Problem, "x"));
     }
 }

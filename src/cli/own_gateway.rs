@@ -15,7 +15,7 @@ use crate::daemon::service::start_error::StartError;
 use crate::domain::control::ControlAction;
 use crate::domain::ids::Name;
 use crate::domain::link::{Framing, LinkSettings};
-use crate::domain::report::LineState;
+use crate::domain::report::LineReport;
 use crate::drive::snapshot::Presence;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::{Factory, Model};
@@ -274,9 +274,8 @@ async fn answers(current: &Current) -> Result<(), String> {
         }
         let report = shared.lines.first().map(|line| line.report());
         if presence == Some(Presence::Offline) || Instant::now() >= until {
-            let fault = report.filter(|report| report.state == LineState::Down).and_then(|report| report.fault);
-            let suspicion = report.and_then(|report| report.suspicion).map(|it| it.to_string());
-            let why = fault.map(|fault| fault.to_string()).or(suspicion);
+            let down = report.as_ref().and_then(LineReport::down_reason);
+            let why = down.or_else(|| Some(report?.suspicion?.to_string()));
             return Err(format!("no answer{}", why.map(|why| format!(": {why}")).unwrap_or_default()));
         }
         sleep(LOOK_EVERY).await;

@@ -15,8 +15,8 @@ use std::fmt::Write;
 pub struct What {
     #[command(flatten)]
     pub target: Target,
-    /// Register by its number on the wire (0x0101 or 257); with `--uniform` or directly on a port also by its name or code,
-    /// or omitted for all of them
+    /// Register by its number on the wire (0x0101 or 257); with `--uniform` or directly on a port also by its name or code
+    /// (A60, also where the model has no such register but a rule for codes), or omitted for all of them
     #[arg(required_unless_present_any = ["uniform", "station"])]
     register: Option<String>,
     /// Number of registers
@@ -120,7 +120,9 @@ impl What {
             let what = if register.access.can_read() { "is read alone, without --count" } else { "cannot be read" };
             return Err(Failure::wrong(format!("{} ({}) {what}", register.name, register.address)));
         }
-        let first = named.map_or_else(|| address(wanted), |register| Ok(register.address.number()));
+        let by_code = || model.codes.as_ref().and_then(|rule| rule.address_typed(wanted));
+        let number = || address(wanted).or_else(|error| by_code().ok_or(error));
+        let first = named.map_or_else(number, |register| Ok(register.address.number()));
         let first = first.map_err(|error| {
             let names = model.registers.iter().flat_map(|it| [Some(it.name.as_str()), it.code.as_deref()]).flatten();
             let hint = nearest(wanted, names).map(|near| format!("; did you mean {near}?")).unwrap_or_default();

@@ -243,8 +243,9 @@ fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
         return problem.right(alternatives(&near));
     }
     problem.right(format!(
-        "one of {}; or any Modbus device that a model file of your own describes, in a directory of `model_dirs`",
-        catalog.ids().collect::<Vec<_>>().join(", ")
+        "one of the {} that `vfd-gateway models list` shows, or any Modbus device that a model file of your own describes, in \
+         a directory of `model_dirs`",
+        catalog.ids().count()
     ))
 }
 

@@ -2,6 +2,7 @@
 
 use super::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
 use super::suspicion::Suspicion;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Whether a line can be used.
@@ -38,12 +39,14 @@ pub enum LineFault {
 }
 
 /// One line as the north interfaces show it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LineReport {
     /// Whether it can be used.
     pub state: LineState,
     /// Why it was last down; `None` if it never was.
     pub fault: Option<LineFault>,
+    /// Why its port cannot be opened now, with the name of the port; `None` while it is open.
+    pub open_error: Option<Arc<str>>,
     /// Its counters.
     pub counters: LineCounters,
     /// Upper bounds of how long a stop waits.
@@ -58,6 +61,19 @@ pub struct LineReport {
     pub suspicion: Option<Suspicion>,
     /// What is waiting to be sent.
     pub waiting: LineWaiting,
+}
+
+impl LineReport {
+    /// Why it cannot be used; `None` if it can.
+    #[must_use]
+    pub fn down_reason(&self) -> Option<String> {
+        match (self.state, &self.open_error, self.fault) {
+            (LineState::Up, ..) => None,
+            (LineState::Down, Some(error), _) => Some(error.to_string()),
+            (LineState::Down, None, Some(fault)) => Some(fault.to_string()),
+            (LineState::Down, None, None) => Some("not opened yet".to_owned()),
+        }
+    }
 }
 
 /// How much is waiting to be sent on a line.
@@ -85,6 +101,7 @@ impl Default for LineReport {
         Self {
             state: LineState::Down,
             fault: None,
+            open_error: None,
             counters: LineCounters::default(),
             stop: StopBounds::default(),
             planned_use_per_mille: 0,

@@ -76,6 +76,8 @@ pub struct LineCore {
     pub(super) measured: Measured,
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
+    /// Why the port cannot be opened; `None` once it is open.
+    pub(super) open_error: Option<Arc<str>>,
     pub(super) counters: LineCounters,
     /// The last data received that is already reported, because a frame of ours was sent after it.
     pub(super) told_ahead: usize,
@@ -148,6 +150,7 @@ impl LineCore {
             measured: Measured::default(),
             others_turn: false,
             fault: None,
+            open_error: None,
             state: LineState::Down,
             is_open: false,
             wire: Wire::new(setup.timing, now),
@@ -177,6 +180,7 @@ impl LineCore {
         match input {
             Input::Bytes(bytes) => self.on_bytes(now, bytes),
             Input::PortUp(kind) => self.on_port_up(now, kind),
+            Input::PortRefused(reason) => self.open_error = Some(reason),
             Input::PortDown(fault) => self.on_port_down(now, fault),
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => self.on_asker_gone(asker),
@@ -245,6 +249,7 @@ impl LineCore {
         LineReport {
             state: self.state,
             fault: self.fault,
+            open_error: self.open_error.clone(),
             counters: LineCounters { noise_between: self.health.damage.between(), ..self.counters },
             stop: self.stop,
             planned_use_per_mille: self.planned_use_per_mille,

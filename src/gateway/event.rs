@@ -11,6 +11,7 @@ use crate::domain::traffic::TrafficRecord;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::TripEvent;
 use crate::journal::{Keep, RowNumber};
+use std::sync::Arc;
 
 /// An input of a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,6 +20,8 @@ pub enum Input<'a> {
     Bytes(&'a [u8]),
     /// A port of this kind was opened; bytes received before are discarded.
     PortUp(PortKind),
+    /// The port could not be opened, for this reason.
+    PortRefused(Arc<str>),
     /// The port was lost.
     PortDown(LineFault),
     /// A client reads or writes registers by address.

@@ -17,6 +17,7 @@ impl LineCore {
         self.health.trouble = self.health.is_mute.then_some(LineFault::Mute);
         self.state = if self.health.is_mute { LineState::Down } else { LineState::Up };
         self.is_open = true;
+        self.open_error = None;
         self.counters.port_ups += 1;
         self.wire.port_opened(now, kind);
         self.wire.strip_echo(false);

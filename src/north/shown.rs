@@ -1,9 +1,8 @@
 //! Terms for drives and lines shared by all interfaces: how reliable a value is, what a drive does, what it may be
-//! commanded, why a line is down.
+//! commanded.
 
 use crate::domain::command::{Direction, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
-use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::{Presence, ValueReading};
@@ -166,16 +165,6 @@ pub const fn intent(intent: RunIntent) -> &'static str {
         RunIntent::Run(Direction::Forward) => "forward",
         RunIntent::Run(Direction::Reverse) => "reverse",
         RunIntent::Coast => "coast",
-    }
-}
-
-/// Why a line cannot be used; `None` if it can.
-#[must_use]
-pub fn down_reason(report: &LineReport) -> Option<String> {
-    match (report.state, report.fault) {
-        (LineState::Up, _) => None,
-        (LineState::Down, Some(fault)) => Some(fault.to_string()),
-        (LineState::Down, None) => Some("not opened yet".to_owned()),
     }
 }
 

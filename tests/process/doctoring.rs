@@ -64,7 +64,7 @@ impl Patient {
 }
 
 /// A serial device server whose line answers each request with what `answer` makes of it. It ends with the test program.
-fn answering(answer: fn(&[u8]) -> Vec<u8>) -> SocketAddr {
+pub fn answering(answer: fn(&[u8]) -> Vec<u8>) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     std::thread::spawn(move || {
@@ -195,7 +195,7 @@ fn first_characters_that_are_missing_are_the_direction_of_the_adapter() {
 }
 
 /// The reply to a read: all words are 0.
-fn words_of_zero(request: &[u8]) -> Vec<u8> {
+pub fn words_of_zero(request: &[u8]) -> Vec<u8> {
     let [station, function, _, _, _, count, ..] = *request else { return Vec::new() };
     let mut reply = vec![station, function, count * 2];
     reply.resize(3 + usize::from(count) * 2, 0);

@@ -6,11 +6,11 @@ use super::started::Started;
 use std::process::Command;
 
 /// A broker that wants a certificate and a password, and authorities that may have signed them.
-struct Guarded {
+pub struct Guarded {
     broker: Mosquitto,
-    place: Place,
+    pub place: Place,
     /// A listener for each certificate that the broker may show.
-    ports: [u16; 3],
+    pub ports: [u16; 3],
 }
 
 /// Whom a certificate is for, who signs it, and whether its time is over.
@@ -95,7 +95,7 @@ fn make_certificate(place: &Place, wanted: &Wanted) {
 }
 
 impl Guarded {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let place = Place::new();
         make_authority(&place, "ours");
         make_authority(&place, "theirs");
@@ -140,9 +140,9 @@ fn listeners(place: &Place, users: &str, ports: [u16; 3]) -> String {
     text
 }
 
-const TRUSTED: &str = "ca_file = \"@/ours.pem\"\n";
-const CERTIFICATE: &str = "client_cert_file = \"@/gateway.pem\"\nclient_key_file = \"@/gateway.key\"\n";
-const USER: &str = "user = \"gateway\"\npassword_file = \"@/password\"\n";
+pub const TRUSTED: &str = "ca_file = \"@/ours.pem\"\n";
+pub const CERTIFICATE: &str = "client_cert_file = \"@/gateway.pem\"\nclient_key_file = \"@/gateway.key\"\n";
+pub const USER: &str = "user = \"gateway\"\npassword_file = \"@/password\"\n";
 
 #[test]
 fn certificates_of_both_sides_and_a_password_open_the_way() {

@@ -131,6 +131,17 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     )
     .exits("0 ready (with --alive: alive), 1 not ready or not reachable, 2 wrong usage or configuration"),
     help(
+        "diagnose",
+        "The archive has what the gateway knows: its configuration with stars in place of passwords, the newest lines of the \
+         log, the newest rows of the journal, health, state and metrics, the report of each line, and the traffic of the \
+         next seconds for Wireshark. With --config it also works while the gateway does not run, with less in it. Names, \
+         addresses and host names stay in it.",
+        &[
+            ("vfd-gateway diagnose", "record 10 s, and write vfd-gateway-diagnostics.tar.gz"),
+            ("vfd-gateway diagnose -c vfd-gateway.toml --seconds 60 --out pump.tar.gz", "with a minute of traffic"),
+        ],
+    ),
+    help(
         "reload",
         "Lines that are the same in both files continue, with their leases and clients.",
         &[("vfd-gateway reload -c vfd-gateway.toml", "reload, and show what has changed or why it was refused")],

@@ -151,7 +151,7 @@ impl SharedLine {
     /// The line as of its last round.
     #[must_use]
     pub fn report(&self) -> LineReport {
-        *self.report.lock().unwrap_or_else(PoisonError::into_inner)
+        self.report.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Replaces the last report.

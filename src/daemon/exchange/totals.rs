@@ -4,7 +4,7 @@ use crate::north::modbus::Counters;
 use crate::north::mqtt::Counters as Counts;
 use crate::north::sparkplug::Counters as SparkplugCounts;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Counts of the Modbus TCP side over all connections since start.
 #[derive(Debug, Default)]
@@ -112,6 +112,8 @@ pub struct BrokerTotals<C> {
     counters: Mutex<C>,
     takeovers: AtomicU64,
     contested: AtomicBool,
+    /// Why there is no connection; `None` once the path was open.
+    lost: Mutex<Option<String>>,
 }
 
 impl<C: Copy> BrokerTotals<C> {
@@ -122,7 +124,25 @@ impl<C: Copy> BrokerTotals<C> {
         } else {
             self.path_alive.store(path_alive, Ordering::Relaxed);
         }
+        if path_alive {
+            self.lost().take();
+        }
         *self.counters.lock().unwrap_or_else(PoisonError::into_inner) = *counters;
+    }
+
+    /// Sets why there is no connection, with the broker's address.
+    pub fn set_lost(&self, reason: &str) {
+        self.lost().replace(reason.to_owned());
+    }
+
+    /// Why there is no connection, with the broker's address; `None` if there is one, or if the first is being made.
+    #[must_use]
+    pub fn lost_reason(&self) -> Option<String> {
+        self.lost().clone()
+    }
+
+    fn lost(&self) -> MutexGuard<'_, Option<String>> {
+        self.lost.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Sets whether another client contests our identifier.

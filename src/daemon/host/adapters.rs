@@ -32,16 +32,34 @@ pub fn list() -> Vec<Adapter> {
     list_in(Path::new("/dev"), Path::new("/sys/class/tty"), Path::new("/proc"))
 }
 
+/// The names of all serial ports, those with a stable name first.
+#[must_use]
+pub fn names() -> Vec<String> {
+    let dev = Path::new("/dev");
+    let stable = stable_names(dev);
+    let devices = serial_devices(dev, Path::new("/sys/class/tty"));
+    let mut named: Vec<_> = devices.map(|device| (!stable.contains_key(&device), device)).collect();
+    named.sort();
+    named.iter().map(|(_, device)| stable.get(device).unwrap_or(device).display().to_string()).collect()
+}
+
+/// The group that may open the device at `path`, by name or number.
+#[must_use]
+pub fn group_of(path: &Path) -> String {
+    fs::metadata(path).map_or_else(|_| "?".to_owned(), |metadata| group_name(metadata.gid()))
+}
+
+/// Programs that have the device at `path` open, as far as this user may see them.
+#[must_use]
+pub fn holders_of(path: &Path) -> Vec<String> {
+    fs::canonicalize(path).map_or_else(|_| Vec::new(), |device| holders(&device, Path::new("/proc")))
+}
+
 fn list_in(dev: &Path, sys: &Path, proc: &Path) -> Vec<Adapter> {
-    let stable: BTreeMap<PathBuf, PathBuf> = entries(&dev.join("serial/by-id"))
-        .into_iter()
-        .filter_map(|link| Some((fs::canonicalize(&link).ok()?, link)))
-        .collect();
-    let mut found: Vec<Adapter> = entries(sys)
-        .iter()
-        .filter(|tty| is_serial(tty))
-        .filter_map(|tty| {
-            let device = dev.join(tty.file_name()?);
+    let stable = stable_names(dev);
+    let mut found: Vec<Adapter> = serial_devices(dev, sys)
+        .filter_map(|device| {
+            let tty = sys.join(device.file_name()?);
             let metadata = fs::metadata(&device).ok()?;
             Some(Adapter {
                 path: stable.get(&device).unwrap_or(&device).clone(),
@@ -55,6 +73,18 @@ fn list_in(dev: &Path, sys: &Path, proc: &Path) -> Vec<Adapter> {
         .collect();
     found.sort_by_key(|adapter| (adapter.path == adapter.device, adapter.path.clone()));
     found
+}
+
+/// The names by serial number, by device.
+fn stable_names(dev: &Path) -> BTreeMap<PathBuf, PathBuf> {
+    let links = entries(&dev.join("serial/by-id")).into_iter();
+    links.filter_map(|link| Some((fs::canonicalize(&link).ok()?, link))).collect()
+}
+
+/// The devices of all serial ports that exist.
+fn serial_devices(dev: &Path, sys: &Path) -> impl Iterator<Item = PathBuf> {
+    let ttys = entries(sys).into_iter().filter(|tty| is_serial(tty));
+    ttys.filter_map(move |tty| Some(dev.join(tty.file_name()?))).filter(|device| device.exists())
 }
 
 /// Whether there is hardware behind a terminal. The kernel lists many ports of a PC that do not exist, of type 0.

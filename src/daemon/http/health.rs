@@ -39,8 +39,9 @@ pub(super) fn line_names(state: &State) -> Vec<String> {
 }
 
 fn line(line: &SharedLine) -> Value {
-    let LineReport { state, fault, suspicion, .. } = line.report();
-    let reason = fault.filter(|_| state == LineState::Down).map(|fault| fault.to_string());
+    let report = line.report();
+    let reason = report.down_reason();
+    let LineReport { state, suspicion, .. } = report;
     let state = match state {
         LineState::Up => "up",
         LineState::Down => "down",
@@ -70,6 +71,7 @@ fn mqtt(state: &State) -> Value {
     state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| {
         json!({
             "connected": mqtt.is_connected(),
+            "reason": mqtt.lost_reason(),
             "contested": mqtt.is_contested(),
             "events_waiting": mqtt.counters().events_waiting,
             "events_refused": mqtt.counters().events_refused,
@@ -81,6 +83,7 @@ fn sparkplug(state: &State) -> Value {
     state.sparkplug.load().as_ref().map_or(Value::Null, |sparkplug| {
         json!({
             "connected": sparkplug.is_connected(),
+            "reason": sparkplug.lost_reason(),
             "contested": sparkplug.is_contested(),
             "host_awaited": sparkplug.counters().host_awaited > 0,
             "history_waiting": sparkplug.counters().history_waiting,

@@ -59,6 +59,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         sparkplug: None.into(),
         journal: None,
         socket: None,
+        configuration: None,
         gateway: "plant-a".to_owned(),
         shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description()])).into(),
         modbus: Arc::new(ModbusTotals::default()),
@@ -76,6 +77,7 @@ pub(super) fn show(state: &State, report: LineReport, view: DriveView) {
 pub(super) const UP: LineReport = LineReport {
     state: LineState::Up,
     fault: None,
+    open_error: None,
     counters: LineCounters {
         requests: 7,
         replies: 5,

@@ -40,6 +40,7 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
         mqtt: None.into(),
         sparkplug: None.into(),
         socket: None,
+        configuration: None,
         started: clock::now(),
         started_at: WallTime { unix_ms: 0 },
     })

@@ -137,7 +137,13 @@ impl LineTask<'_> {
             };
             match opened {
                 Meanwhile::Done(Ok(device)) => return Ok(Some(device)),
-                Meanwhile::Done(Err(error)) => self.tell_of_refusal(&error.to_string()),
+                Meanwhile::Done(Err(error)) => {
+                    let error = opener.explain(&error);
+                    self.tell_of_refusal(&error);
+                    let told = format!("cannot open {}: {error}", self.port.settings.address);
+                    self.core.handle(clock::now(), Input::PortRefused(told.into()));
+                    self.act(None)?;
+                }
                 Meanwhile::TimeIsUp => {}
                 Meanwhile::Ended => return Ok(None),
             }

@@ -5,7 +5,7 @@ use crate::config::PortAddress;
 use crate::daemon::exchange::shared::{Shared, SharedLine};
 use crate::daemon::line_thread::{LineHandle, LinePort};
 use crate::daemon::local::LocalSide;
-use crate::daemon::port::{OpenError, Opener, PortSettings};
+use crate::daemon::port::{Opener, PortSettings};
 use crate::daemon::service::build;
 use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::address::Address;
@@ -39,7 +39,7 @@ pub enum NoLine {
         /// As it was named.
         port: PortAddress,
         /// Why.
-        reason: OpenError,
+        reason: String,
     },
     /// The port was opened, or a device server was contacted, but the line did not come up in time.
     #[error("{port} did not come up within {} s{}", OPEN_WITHIN.as_secs(), .fault.as_ref().map(|it| format!(": {it}")).unwrap_or_default())]
@@ -88,8 +88,9 @@ impl ToolPort {
             return Ok(());
         }
         let settings = self.settings(name);
-        let opened = Opener::new(&settings).open().await;
-        opened.map(drop).map_err(|reason| NoLine::Port { port: self.address.clone(), reason })
+        let mut opener = Opener::new(&settings);
+        let opened = opener.open().await;
+        opened.map(drop).map_err(|error| NoLine::Port { port: self.address.clone(), reason: opener.explain(&error) })
     }
 }
 
@@ -132,7 +133,7 @@ impl ToolLine {
         match line.comes_up().await {
             true => Ok(line),
             false => {
-                let fault = line.report().fault.map(|fault| fault.to_string());
+                let fault = line.report().down_reason();
                 line.close().await;
                 Err(NoLine::Down { port: port.address.clone(), fault })
             }

@@ -63,7 +63,8 @@ pub async fn converse<T: Protocol>(
         let next = client.retry.after(&broken, life);
         let reason = broken.reason;
         let wait = next.wait;
-        let client_id = client.settings.client_id.as_str();
+        let ConnectionSettings { host, port, client_id, .. } = &client.settings;
+        talk.borrow_mut().lost(&format!("{host}:{port}: {reason}"));
         if counters.connected.get() > had || reason != last_reason {
             tracing::warn!(client_id, reason, "no connection to the broker; retrying");
         } else {

@@ -66,6 +66,8 @@ pub trait Protocol {
     /// The connection ended because another client has our identifier at the broker; `None` if that has not happened
     /// for a minute.
     fn contested(&mut self, rival: Option<Rival>);
+    /// There is no connection, for this reason; the broker's address comes first.
+    fn lost(&mut self, _reason: &str) {}
     /// The last messages before an orderly end.
     fn farewell(&mut self, at: Moment) -> Vec<Publication>;
     /// Whether the broker is to publish the will after the last messages, too, where the protocol has that: with MQTT

@@ -195,6 +195,10 @@ impl Protocol for Speaker {
         self.totals.contested(rival.is_some());
     }
 
+    fn lost(&mut self, reason: &str) {
+        self.totals.set_lost(reason);
+    }
+
     fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.look(at);
         self.session.farewell(at)

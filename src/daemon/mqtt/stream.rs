@@ -33,7 +33,7 @@ pub async fn connect(target: &Target) -> Result<Box<dyn Stream>, Broken> {
         .map_err(|_| of_tls("TLS: the broker's name is neither a DNS name nor an address".to_owned()))?;
     match TlsConnector::from(Arc::clone(config)).connect(name, tcp).await {
         Ok(stream) => Ok(Box::new(stream)),
-        Err(error) => Err(of_tls(reason::of_io(&error).unwrap_or_else(|| format!("TLS: I/O: {error}")))),
+        Err(error) => Err(of_tls(reason::of_io(&error).unwrap_or_else(|| format!("TLS: {error}")))),
     }
 }
 
@@ -57,7 +57,7 @@ async fn connect_tcp(target: &Target) -> Result<TcpStream, Error> {
 fn of_tcp(error: &Error) -> Broken {
     // An established connection is reset or closed; only an attempt can be refused.
     let is_unsent = error.kind() == ErrorKind::ConnectionRefused;
-    Broken { reason: format!("I/O: {error}"), is_fresh: false, cause: Cause::Gone, is_unsent }
+    Broken { reason: error.to_string(), is_fresh: false, cause: Cause::Gone, is_unsent }
 }
 
 /// A failure before CONNECT, which follows the handshake.

@@ -161,8 +161,9 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
             ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,
         ) => Some(reason::CREDENTIALS.to_owned()),
         ConnectionError::ConnectionRefused(ConnectReturnCode::BadClientId) => Some(reason::CLIENT_ID.to_owned()),
-        ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
-            reason::of_io(error)
+        ConnectionError::Io(error)
+        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
+            reason::of_io(error).or_else(|| Some(error.to_string()))
         }
         _ => None,
     }

@@ -3,6 +3,7 @@
 
 mod driver;
 mod lock;
+mod refused;
 mod serial;
 mod tcp;
 
@@ -10,6 +11,7 @@ pub use driver::{Rs485, SerialInfo};
 
 use crate::config::PortAddress;
 use crate::domain::link::{DirectionControl, LinkSettings, PortKind};
+use refused::Advice;
 use serial::SerialPort;
 use std::io;
 use std::path::PathBuf;
@@ -40,6 +42,7 @@ pub struct PortSettings {
 pub struct Opener<'a> {
     settings: &'a PortSettings,
     lookup: Lookup,
+    advice: Advice,
 }
 
 /// An open port.
@@ -54,12 +57,9 @@ pub enum Port {
 /// Why a port could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// The system refused.
+    /// The system refused, or a setting of the device could not be read or written.
     #[error("{0}")]
-    Refused(tokio_serial::Error),
-    /// A setting of the device could not be read or written.
-    #[error("{0}")]
-    Io(#[from] io::Error),
+    Refused(#[from] io::Error),
     /// Another process uses the device.
     #[error("{0}")]
     Taken(#[from] lock::Held),
@@ -88,7 +88,7 @@ impl<'a> Opener<'a> {
     /// An opener for the port that `settings` describe.
     #[must_use]
     pub fn new(settings: &'a PortSettings) -> Self {
-        Self { settings, lookup: Lookup::default() }
+        Self { settings, lookup: Lookup::default(), advice: Advice::default() }
     }
 
     /// Opens the port. A device is opened at once; connecting takes a few seconds at most, without blocking.
@@ -99,6 +99,14 @@ impl<'a> Opener<'a> {
         match &self.settings.address {
             PortAddress::Device(path) => Ok(Port::Serial(SerialPort::open(path, self.settings)?)),
             PortAddress::Tcp { host, port } => Ok(Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?)),
+        }
+    }
+
+    /// Why the port could not be opened, and what to do about it.
+    pub fn explain(&mut self, error: &OpenError) -> String {
+        match (&self.settings.address, error) {
+            (PortAddress::Device(path), OpenError::Refused(error)) => self.advice.of(path, error),
+            _ => error.to_string(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A serial device: locked, opened, its settings read back, its direction turned.
 
 use super::lock::{self, PortLock};
-use super::{OpenError, PortSettings, all_of, driver};
+use super::{OpenError, PortSettings, all_of, driver, refused};
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
 use crate::domain::link::{DirectionControl, LinkSettings, Parity, PortKind};
@@ -58,7 +58,7 @@ impl SerialPort {
                 Parity::Odd => tokio_serial::Parity::Odd,
             })
             .stop_bits(if link.stop_bits == 2 { StopBits::Two } else { StopBits::One });
-        let stream = SerialStream::open(&builder).map_err(OpenError::Refused)?;
+        let stream = SerialStream::open(&builder).map_err(|refusal| refused::error_of(&device, refusal))?;
         check_settings(&stream, link, is_pty)?;
         let mut port = Self {
             stream: sys::readable(stream)?,
@@ -69,7 +69,7 @@ impl SerialPort {
             _lock: lock,
         };
         port.set_up(&device, settings)?;
-        port.stream.get_ref().clear(ClearBuffer::All).map_err(OpenError::Refused)?;
+        port.stream.get_ref().clear(ClearBuffer::All).map_err(io::Error::from)?;
         Ok(port)
     }
 
@@ -167,10 +167,10 @@ fn is_pty(path: &Path) -> io::Result<bool> {
 /// Reads the settings back. A pseudo-terminal carries whole bytes without parity whatever is set (Linux,
 /// `pty_set_termios`), so the character format does not matter there.
 fn check_settings(stream: &SerialStream, wanted: LinkSettings, on_pty: bool) -> Result<(), OpenError> {
-    let baud = stream.baud_rate().map_err(OpenError::Refused)?;
-    let data_bits = stream.data_bits().map_err(OpenError::Refused)?;
-    let parity = stream.parity().map_err(OpenError::Refused)?;
-    let stop_bits = stream.stop_bits().map_err(OpenError::Refused)?;
+    let baud = stream.baud_rate().map_err(io::Error::from)?;
+    let data_bits = stream.data_bits().map_err(io::Error::from)?;
+    let parity = stream.parity().map_err(io::Error::from)?;
+    let stop_bits = stream.stop_bits().map_err(io::Error::from)?;
     let same_parity = matches!(
         (parity, wanted.parity),
         (tokio_serial::Parity::None, Parity::None)

@@ -194,6 +194,10 @@ impl Protocol for Speaker {
         self.sides.totals.contested(rival.is_some());
     }
 
+    fn lost(&mut self, reason: &str) {
+        self.sides.totals.set_lost(reason);
+    }
+
     fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.session.farewell(at)
     }

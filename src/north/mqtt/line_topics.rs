@@ -9,7 +9,7 @@ use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::north::broker::{LineState, Publication, Qos};
-use crate::north::shown::{capabilities, down_reason, millis, site};
+use crate::north::shown::{capabilities, millis, site};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -70,7 +70,7 @@ impl LineTopics {
         if self.is_held || !has_changed && age < now.heartbeat {
             return None;
         }
-        self.stats = Some((now.at, *report));
+        self.stats = Some((now.at, report.clone()));
         let drives = self.drives.iter().zip(&line.stations).map(|(name, station)| station_stats(name, station));
         let mut stats = line_stats(&report.counters);
         if let Some(object) = stats.as_object_mut() {
@@ -91,7 +91,7 @@ impl LineTopics {
 }
 
 fn status(report: &LineReport) -> String {
-    down_reason(report).map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
+    report.down_reason().map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
 }
 
 /// Planned and measured times.

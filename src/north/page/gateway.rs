@@ -20,12 +20,20 @@ pub struct Gateway {
 }
 
 /// The path to the broker.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BrokerWay {
     /// It is open.
     pub is_connected: bool,
     /// Another client uses the gateway's identifier.
     pub is_contested: bool,
+    /// Why there is no connection, with the broker's address, as far as it is known.
+    pub lost_reason: Option<String>,
+}
+
+impl BrokerWay {
+    fn document(&self) -> Value {
+        json!({ "connected": self.is_connected, "contested": self.is_contested, "reason": self.lost_reason })
+    }
 }
 
 /// The state of the journal.
@@ -53,7 +61,7 @@ impl Gateway {
             "started_at": self.started_at,
             "uptime_s": uptime_s,
             "ready": self.is_ready,
-            "mqtt": self.mqtt.map(|way| json!({ "connected": way.is_connected, "contested": way.is_contested })),
+            "mqtt": self.mqtt.as_ref().map(BrokerWay::document),
             "journal": self.journal.as_ref().map(|it| json!({ "state": it.state, "reason": it.reason })),
         })
     }

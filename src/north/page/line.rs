@@ -4,7 +4,7 @@ use super::line_use::Rates;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, LineState};
-use crate::north::shown::{down_reason, millis};
+use crate::north::shown::millis;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use serde_json::{Value, json};
 
@@ -39,7 +39,7 @@ impl Line<'_> {
             "framing": word_for(&FRAMINGS, &self.wiring.framing),
             "interface": word_for(&INTERFACES, &self.interface),
             "state": if *state == LineState::Up { "up" } else { "down" },
-            "reason": down_reason(self.report),
+            "reason": self.report.down_reason(),
             "hangs": self.hangs,
             "use_per_cent": self.rates.map(|rates| tenths(rates.use_per_cent)),
             "planned_use_per_cent": f64::from(self.report.planned_use_per_mille) / 10.0,

@@ -18,7 +18,7 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
     json!({
         "line": name.as_str(),
         "state": if is_up { "up" } else { "down" },
-        "reason": line.fault.filter(|_| !is_up).map(|fault| fault.to_string()),
+        "reason": line.down_reason(),
         "port": wiring.port,
         "link": wiring.link.to_string(),
         "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,

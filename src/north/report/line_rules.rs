@@ -14,7 +14,7 @@ pub(super) fn down(seen: &Observed) -> FindingText {
     if seen.is_up() || seen.line.suspicion.is_some() {
         return None;
     }
-    let reason = seen.line.fault.map_or("its port was never open".to_owned(), |fault| fault.to_string());
+    let reason = seen.line.down_reason()?;
     Some((Severity::Problem, format!("the line is down: {reason}")))
 }
 

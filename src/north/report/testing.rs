@@ -93,7 +93,7 @@ fn line_cases() -> Vec<Case> {
         (Sign::Suspicion, Problem, "max_lateness", suspected(Suspicion::LateBeyondLimit(Station(1)))),
         (Sign::Suspicion, Problem, "echo", suspected(Suspicion::Echo)),
         (Sign::LineDown, Problem, "the device is gone", down(Some(LineFault::Gone))),
-        (Sign::LineDown, Problem, "never open", down(None)),
+        (Sign::LineDown, Problem, "not opened yet", down(None)),
         (Sign::PortLost, Problem, "lost 2 times", with(|it| it.port_downs = 2)),
         (
             Sign::Suspended,

@@ -2,7 +2,6 @@
 
 use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Value};
 use crate::north::broker::LineState;
-use crate::north::shown::down_reason;
 
 /// The name of the metric that identifies a session; it has no alias.
 pub(super) const BDSEQ: &str = "bdSeq";
@@ -106,7 +105,7 @@ impl Node {
 }
 
 fn status(line: &LineState) -> String {
-    down_reason(&line.report).map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
+    line.report.down_reason().map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
 }
 
 fn read_only(is_read_only: bool) -> Option<PropertySet> {

@@ -35,6 +35,12 @@ pub enum CodeRule {
 }
 
 impl CodeRule {
+    /// The address of `code` as people type it: capital and small letters are the same unless both are groups.
+    #[must_use]
+    pub fn address_typed(&self, code: &str) -> Option<u16> {
+        [code.to_owned(), code.to_uppercase(), code.to_lowercase()].iter().find_map(|code| self.address(code))
+    }
+
     /// The address of `code`; `None` if the rule does not cover it.
     #[must_use]
     pub fn address(&self, code: &str) -> Option<u16> {
@@ -75,6 +81,14 @@ mod tests {
 
     fn origin() -> Fact<()> {
         Fact { value: (), confidence: Confidence::Manual, source: "IM 1".to_owned() }
+    }
+
+    #[test]
+    fn letters_of_either_case_are_taken_unless_both_are_groups() {
+        let groups = [("A", 3), ("b", 4), ("F", 2), ("f", 9)].map(|(group, byte)| (group.to_owned(), byte)).to_vec();
+        let rule = CodeRule::Groups { groups, ends: Vec::new(), separator: String::new(), origin: origin() };
+        let typed = ["A60", "a60", "B37", "f1", "F1", "x1"].map(|code| rule.address_typed(code));
+        assert_eq!(typed, [Some(0x033C), Some(0x033C), Some(0x0425), Some(0x0901), Some(0x0201), None]);
     }
 
     #[test]

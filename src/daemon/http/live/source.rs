@@ -92,11 +92,11 @@ impl Source<'_> {
             name: state.gateway.clone(),
             started_at: rfc3339(state.started_at),
             is_ready: state.is_ready(),
-            mqtt: state
-                .mqtt
-                .load()
-                .as_ref()
-                .map(|mqtt| BrokerWay { is_connected: mqtt.is_connected(), is_contested: mqtt.is_contested() }),
+            mqtt: state.mqtt.load().as_ref().map(|mqtt| BrokerWay {
+                is_connected: mqtt.is_connected(),
+                is_contested: mqtt.is_contested(),
+                lost_reason: mqtt.lost_reason(),
+            }),
             journal,
             unreachable: state.socket.as_ref().and_then(|socket| socket.refusal()),
         }

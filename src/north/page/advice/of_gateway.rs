@@ -9,7 +9,7 @@ impl Gateway {
     #[must_use]
     pub fn advice(&self) -> Vec<Finding> {
         let mut said = Advice::default();
-        if let Some(way) = self.mqtt {
+        if let Some(way) = &self.mqtt {
             if way.is_contested {
                 said.say(
                     Sign::BrokerContested,
@@ -17,10 +17,13 @@ impl Gateway {
                      give each gateway a `client_id` of its own in [mqtt]",
                 );
             } else if !way.is_connected {
+                let reason = way.lost_reason.as_deref().unwrap_or("no connection was tried yet");
                 said.say(
                     Sign::BrokerUnreachable,
-                    "the broker is not reached: check that it runs, and `broker`, user, password and certificates in \
-                     [mqtt]; the log says why",
+                    format!(
+                        "the broker is not reached ({reason}): check that it runs, and `broker`, user, password and \
+                         certificates in [mqtt]"
+                    ),
                 );
             }
         }

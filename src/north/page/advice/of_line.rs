@@ -4,7 +4,6 @@ use super::Advice;
 use crate::domain::report::{LineFault, LineState};
 use crate::north::finding::{Finding, Sign, over_full_text, suspended_text};
 use crate::north::page::line::Line;
-use crate::north::shown::down_reason;
 
 impl Line<'_> {
     /// The advice on it.
@@ -15,7 +14,7 @@ impl Line<'_> {
         if self.hangs {
             said.say(Sign::LineHangs, "the line's thread hangs, so that no stop leaves there: restart the gateway");
         }
-        match (down_reason(report), report.suspicion) {
+        match (report.down_reason(), report.suspicion) {
             (reason, Some(suspicion)) => {
                 let down = reason.map(|_| "the line is down: ").unwrap_or_default();
                 said.say(Sign::Suspicion, format!("{down}{suspicion}"));
@@ -39,6 +38,9 @@ impl Line<'_> {
     /// Reports that it is down, with what to check if the reason does not say so itself.
     fn down(&self, reason: &str) -> String {
         let port = &self.wiring.port;
+        if self.report.open_error.is_some() {
+            return format!("the line is down: {reason}");
+        }
         let hint = match self.report.fault {
             None | Some(LineFault::Gone | LineFault::Failed) => {
                 format!(
