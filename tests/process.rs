@@ -55,6 +55,7 @@
 //! | `scraping` | Prometheus as it stands reads the metrics, and the delivered alerts fire |
 //! | `mistakes` | forty usual mistakes, each with the first line that it makes people see |
 //! | `doctoring` | `doctor` names what is wrong with a line |
+//! | `addon` | the add-on for Home Assistant writes a configuration that works |
 //! | `diagnosing` | `diagnose` packs what helps into one archive that other programs read, without secrets |
 //! | `vendors` | drives of other vendors, in ASCII too, played by a program that nobody here wrote, obey and are understood |
 //! | `services` | the service unit, the udev rule and the starting configuration of the package, as systemd and udev read them |
@@ -81,6 +82,8 @@
 
 #[path = "process/adding.rs"]
 mod adding;
+#[path = "process/addon.rs"]
+mod addon;
 #[path = "process/asking.rs"]
 mod asking;
 #[path = "process/beginning.rs"]

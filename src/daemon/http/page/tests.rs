@@ -46,7 +46,7 @@ fn whatever_a_file_asks_for_is_there() {
     let served: BTreeSet<_> = files().map(|file| file.name).collect();
     let mut asked = 0;
     for file in files().filter(|file| !is_vendored(file)) {
-        let by_path = quoted_behind(text(file), "\"/assets/");
+        let by_path = quoted_behind(text(file), "\"assets/");
         let by_import = quoted_behind(text(file), "from \"./");
         asked += by_path.len() + by_import.len();
         for name in by_path.into_iter().chain(by_import) {
@@ -70,7 +70,7 @@ fn nothing_is_inline_nothing_comes_from_elsewhere_and_text_is_only_text() {
     }
     let index = text(files().find(|file| file.name == INDEX).unwrap());
     let scripts: Vec<_> = index.split("<script").skip(1).collect();
-    assert!(scripts.len() > 1 && scripts.iter().all(|script| script.trim_start().starts_with("src=\"/assets/")));
+    assert!(scripts.len() > 1 && scripts.iter().all(|script| script.trim_start().starts_with("src=\"assets/")));
 }
 
 async fn ask(path: &str, tag: &str) -> Response {

@@ -61,7 +61,7 @@ export class Journal {
 
   path(last, format) {
     const chosen = { table: this.table.value, drive: this.drive.value, since: this.since.value };
-    return query("/api/v1/journal", { ...chosen, last, format });
+    return query("api/v1/journal", { ...chosen, last, format });
   }
 
   async load() {

@@ -10,7 +10,7 @@ const SETTLE_MS = 4000;
 
 const held = new Map();
 const listeners = [];
-const ticker = new Worker("/assets/ticker.js");
+const ticker = new Worker("assets/ticker.js");
 
 ticker.onmessage = ({ data }) => renew(data);
 

@@ -60,7 +60,7 @@ export class Report {
   async load() {
     const line = this.line.value;
     if (!line) return;
-    const { answer, error } = await document_at(`/api/v1/lines/${encodeURIComponent(line)}/report`, this.element);
+    const { answer, error } = await document_at(`api/v1/lines/${encodeURIComponent(line)}/report`, this.element);
     if (line !== this.line.value) return;
     if (!answer) {
       text(this.message, error);

@@ -40,7 +40,7 @@ export function see(next) {
 
 async function ask(timeout_ms) {
   const begun = performance.now();
-  const response = await fetch("/api/v1/session", { cache: "no-store", signal: AbortSignal.timeout(timeout_ms) });
+  const response = await fetch("api/v1/session", { cache: "no-store", signal: AbortSignal.timeout(timeout_ms) });
   const answer = response.ok ? await response.json() : {};
   // An event may have brought a newer one meanwhile.
   if (seen_at < begun) see(answer.moment);
@@ -59,7 +59,7 @@ export async function refresh() {
 
 /** Signs in; returns what went wrong, or null. */
 export async function sign_in(user, password) {
-  const { status, answer } = await send("POST", "/api/v1/session", { user, password }, TIMEOUT_MS);
+  const { status, answer } = await send("POST", "api/v1/session", { user, password }, TIMEOUT_MS);
   if (status === 200) {
     see(answer.moment);
     take({ is_known: true, enabled: true, user: answer.user ?? user, token: answer.token ?? null });
@@ -71,7 +71,7 @@ export async function sign_in(user, password) {
 
 /** Signs out. */
 export async function sign_out() {
-  await send("DELETE", "/api/v1/session", null, TIMEOUT_MS);
+  await send("DELETE", "api/v1/session", null, TIMEOUT_MS);
   take({ user: null, token: null });
   await refresh();
 }
@@ -81,7 +81,7 @@ export async function diagnostics() {
   const headers = { "Content-Type": "application/json", "X-CSRF-Token": session.token ?? "" };
   try {
     const signal = AbortSignal.timeout(DIAGNOSTICS_TIMEOUT_MS);
-    const response = await fetch("/api/v1/diagnostics", { method: "POST", headers, body: "{}", cache: "no-store", signal });
+    const response = await fetch("api/v1/diagnostics", { method: "POST", headers, body: "{}", cache: "no-store", signal });
     if (!response.ok) {
       const answer = await response.json().catch(() => null);
       return answer?.error ?? `The gateway answered ${response.status}.`;
@@ -131,7 +131,7 @@ async function send_signed(path, body, timeout_ms) {
 /** Commands a drive. Always returns an outcome with a sentence. */
 export async function command(drive, body) {
   const is_stop = body.run === "stop" || body.run === "coast";
-  const path = `/api/v1/drives/${encodeURIComponent(drive)}/command`;
+  const path = `api/v1/drives/${encodeURIComponent(drive)}/command`;
   const reply = await send_signed(path, body, is_stop ? STOP_TIMEOUT_MS : TIMEOUT_MS);
   return judged(reply, is_stop);
 }
@@ -148,7 +148,7 @@ function judged({ status, answer, is_late }, is_stop) {
 
 /** Stops every drive that may be controlled from here. */
 export async function stop_all() {
-  const reply = await send_signed("/api/v1/stop", {}, STOP_TIMEOUT_MS);
+  const reply = await send_signed("api/v1/stop", {}, STOP_TIMEOUT_MS);
   if (Array.isArray(reply.answer?.drives)) return reply.answer.drives;
   const { outcome, message } = judged(reply, true);
   return [{ drive: "All drives", outcome, message }];
@@ -156,7 +156,7 @@ export async function stop_all() {
 
 /** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */
 export async function renew(drive, timeout_ms) {
-  const path = `/api/v1/drives/${encodeURIComponent(drive)}/lease`;
+  const path = `api/v1/drives/${encodeURIComponent(drive)}/lease`;
   try {
     if (performance.now() - seen_at > FRESH_MS) await ask(timeout_ms / 2);
   } catch {

@@ -27,7 +27,7 @@ export class Stream {
     clearTimeout(this.retry);
     this.retry = null;
     this.source?.close();
-    const source = new EventSource("/api/v1/events");
+    const source = new EventSource("api/v1/events");
     this.source = source;
     let was_opened = false;
     for (const name of ["state", "update", "trip", "configuration", "alive"]) {

@@ -58,7 +58,7 @@ export class Traffic {
     this.end();
     const line = this.line.value;
     if (!line) return;
-    const source = new EventSource(`/api/v1/lines/${encodeURIComponent(line)}/traffic`);
+    const source = new EventSource(`api/v1/lines/${encodeURIComponent(line)}/traffic`);
     this.source = source;
     this.lost = 0;
     this.set_paused(false);

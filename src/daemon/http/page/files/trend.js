@@ -40,7 +40,7 @@ export class Trend {
   async load() {
     const drive = this.drive.value;
     if (!drive) return;
-    const { answer, error } = await document_at(query("/api/v1/trend", { drive }), this.element);
+    const { answer, error } = await document_at(query("api/v1/trend", { drive }), this.element);
     if (!this.is_open || drive !== this.drive.value) return;
     if (!answer) {
       this.tell(error);
