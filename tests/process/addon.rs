@@ -3,7 +3,7 @@
 
 use super::mosquitto::{Mosquitto, Subscriber, free_port};
 use super::outsiders::documents_of;
-use super::rig::{Place, fields, simulate, text_of};
+use super::rig::{Place, simulate, text_of};
 use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
