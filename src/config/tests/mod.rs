@@ -296,7 +296,7 @@ fn a_model_must_be_known() {
     );
     let found = problems(&with(MINIMAL, "hyundai-n700", "generic"));
     assert_eq!(found.len(), 1, "{found:?}");
-    for said in ["there is no model `generic`", "hyundai-n700", "any Modbus device", "`model_dirs`"] {
+    for said in ["there is no model `generic`", "`vfd-gateway models list`", "any Modbus device", "`model_dirs`"] {
         assert!(found[0].contains(said), "no {said}: {}", found[0]);
     }
 }
