@@ -2,6 +2,7 @@
 
 mod drive;
 mod summary;
+mod text;
 mod warnings;
 
 use super::input::Findings;
@@ -20,9 +21,10 @@ use crate::line::budget::ASSUMED_TURNAROUND;
 use crate::toml_file::words::{INTERFACES, word_for};
 use ipnet::IpNet;
 use serde_json::{Value, json};
-use std::fmt::{Display, Write};
+use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Duration;
+use text::{list, ms};
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
@@ -155,11 +157,6 @@ fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
     )
 }
 
-/// The values, separated by commas.
-fn list<T: Display>(values: impl IntoIterator<Item = T>) -> String {
-    values.into_iter().map(|value| value.to_string()).collect::<Vec<_>>().join(", ")
-}
-
 fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
     let (timing, needs_virtual) = line_plan::timing(line);
     let budget = line_plan::budget(line);
@@ -239,17 +236,6 @@ fn of_port(line: &LineSettings) -> String {
     };
     let latency = if line.low_latency { "asked for" } else { "left as it is" };
     format!("serial device: {interface}{direction}; low latency {latency}")
-}
-
-fn ms(time: Duration) -> String {
-    let millis = time.as_secs_f64() * 1000.0;
-    if time >= Duration::from_secs(10) {
-        format!("{:.0} s", time.as_secs_f64())
-    } else if millis >= 100.0 {
-        format!("{millis:.0} ms")
-    } else {
-        format!("{millis:.2} ms")
-    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::domain::time::MonoTime;
 use crate::north::traffic::packets::{PacketFrame, beginning_of};
 use crate::north::traffic::pcapng;
 use serde_json::Value;
+use std::env::consts::{ARCH, OS};
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -185,7 +186,7 @@ impl<'a> Capture<'a> {
             shown: MonoTime::ZERO,
             shows: io::stderr().is_terminal(),
         };
-        capture.put(&beginning_of(line))?;
+        capture.put(&beginning_of(line, (ARCH, OS)))?;
         capture.show();
         Ok(capture)
     }

@@ -1,8 +1,8 @@
 //! The part of `check` about one drive: its polls, what it can be ordered, and what has to be set on it.
 
 use super::super::model_facts::{BASICS, orders};
+use super::text::{list, ms};
 use super::warnings::{feeds_watchdog, takes_control};
-use super::{list, ms};
 use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};

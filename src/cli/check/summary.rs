@@ -1,7 +1,8 @@
 //! `check` on one page: each line with its use and its slowest stop, each way in, and the warnings, equal ones once.
 
 use super::drive::settings;
-use super::{ms, of_http, of_listener, of_mqtt, of_sparkplug, warnings};
+use super::text::ms;
+use super::{of_http, of_listener, of_mqtt, of_sparkplug, warnings};
 use crate::config::{Config, LineSettings, line_plan};
 use crate::domain::report::StopBounds;
 use std::fmt::Write;

@@ -1,6 +1,6 @@
 //! What `check` warns about in a configuration that can be used.
 
-use super::{list, ms};
+use super::text::{list, ms};
 use crate::config::{BEHIND_A_BRIDGE, DriveSettings, LineSettings, ListenerSettings, line_plan};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::profile::model::{Model, RunForm};

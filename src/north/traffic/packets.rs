@@ -56,9 +56,10 @@ impl PacketFrame {
     }
 }
 
-/// The beginning of a file with the frames of `line`, as the gateway describes a line before its traffic.
+/// The beginning of a file with the frames of `line`, as the gateway describes a line before its traffic; `host` is the
+/// machine and its system.
 #[must_use]
-pub fn beginning_of(line: &Value) -> Vec<u8> {
+pub fn beginning_of(line: &Value, host: (&str, &str)) -> Vec<u8> {
     let word = |key: &str| line[key].as_str().unwrap_or("?");
     let drives = line["drives"].as_array().into_iter().flatten();
     let drives = drives.map(|drive| {
@@ -71,8 +72,8 @@ pub fn beginning_of(line: &Value) -> Vec<u8> {
     });
     let description = [format!("{}, {} {}", word("port"), word("link"), word("framing"))].into_iter().chain(drives);
     pcapng::beginning(&Header {
-        hardware: std::env::consts::ARCH,
-        os: std::env::consts::OS,
+        hardware: host.0,
+        os: host.1,
         application: concat!("vfd-gateway ", env!("CARGO_PKG_VERSION")),
         line: word("line"),
         description: &description.collect::<Vec<_>>().join(", "),

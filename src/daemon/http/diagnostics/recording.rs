@@ -8,6 +8,7 @@ use crate::domain::link::Framing;
 use crate::north::traffic::Decoder;
 use crate::north::traffic::packets::{PacketFrame, beginning_of};
 use crate::north::traffic::pcapng;
+use std::env::consts::{ARCH, OS};
 use std::sync::Arc;
 
 /// Most bytes of one file: minutes of a fast line.
@@ -26,7 +27,7 @@ impl Recording {
     pub fn begin(line: &Arc<SharedLine>) -> Option<Self> {
         let listener = Listener::new(Arc::clone(line), None, clock::now)?;
         let decoder = Decoder::new(facts(line));
-        Some(Self { listener, decoder, clock: WallClock::new(), file: beginning_of(&about(line)) })
+        Some(Self { listener, decoder, clock: WallClock::new(), file: beginning_of(&about(line), (ARCH, OS)) })
     }
 
     /// Takes what was recorded since the last time.
