@@ -198,9 +198,12 @@ pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     drawn.join("\n\n")
 }
 
-/// Each problem, with those that say the same of other places.
+/// Each problem, with those that say the same of the same key in other tables of a list.
 fn folded(problems: &[Problem]) -> Vec<(&Problem, Vec<&Problem>)> {
-    let said = |problem: &Problem| (problem.is_warning, problem.what.clone(), problem.right.clone());
+    let without_places = |key: &str| key.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
+    let said = |problem: &Problem| {
+        (problem.is_warning, without_places(&problem.key), problem.what.clone(), problem.right.clone())
+    };
     let mut folded: Vec<(&Problem, Vec<&Problem>)> = Vec::new();
     for problem in problems {
         match folded.iter_mut().find(|(first, _)| said(first) == said(problem)) {
