@@ -95,6 +95,12 @@ fn report(config: &Config) -> String {
             let _ = writeln!(text, "  warning: {networks}: {warning}");
         }
     }
+    text + &beside_modbus(config)
+}
+
+/// The ways in beside Modbus TCP, a row each.
+fn beside_modbus(config: &Config) -> String {
+    let mut text = String::new();
     if let Some(mqtt) = &config.mqtt {
         let _ = writeln!(text, "{}", of_mqtt(mqtt, config));
         if let Some(sparkplug) = &mqtt.sparkplug {

@@ -3,8 +3,9 @@
 use super::socket::{self, Question, connect, exchange_bytes, within};
 use super::{Failure, input, print};
 use crate::config::without_secrets;
+use crate::daemon::host::about;
 use crate::daemon::host::archive::{ArchivedFile, archive};
-use crate::daemon::host::{about, clock};
+use crate::daemon::http::diagnostics::SECONDS;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv};
 use crate::daemon::journal::reader::connect as open_journal;
@@ -15,8 +16,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// The longest recording of the traffic that the gateway makes.
-const SECONDS_MAX: u64 = 120;
 /// Longest wait for the archive beyond the recording.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Rows of the journal of a gateway that does not run.
@@ -28,7 +27,7 @@ pub struct Args {
     #[command(flatten)]
     place: socket::SocketArgs,
     /// How long the traffic of the lines is recorded
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=SECONDS_MAX))]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(SECONDS))]
     seconds: u64,
     /// The archive to write, which must not exist
     #[arg(short, long, value_name = "FILE", default_value = "vfd-gateway-diagnostics.tar.gz")]
@@ -38,7 +37,7 @@ pub struct Args {
 /// Writes the archive of the running gateway, or with `--config` what is known of one that does not run.
 pub fn diagnose(args: &Args) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::failed(format!("{}: {error}", args.out.display()));
-    // Created first: nobody waits for an archive that cannot be written.
+    // Created first: no traffic is recorded for an archive that cannot be written.
     let mut file = std::fs::File::create_new(&args.out).map_err(failed)?;
     let made = made(args).inspect_err(|_| drop(std::fs::remove_file(&args.out)))?;
     file.write_all(&made.archive).and_then(|()| file.sync_all()).map_err(failed)?;
@@ -90,14 +89,12 @@ fn stopped(config: &Path, reason: &str) -> std::io::Result<Vec<u8>> {
     };
     let mut files = vec![
         ArchivedFile::new("gateway.txt", format!("{reason}\n")),
-        ArchivedFile::new("about.json", format!("{:#}\n", about::versions())),
-        ArchivedFile::new("ports.json", format!("{:#}\n", about::ports())),
         ArchivedFile::new("configuration.toml", without_secrets(&text)),
         ArchivedFile::new("check.txt", findings),
     ];
+    files.extend(about::files());
     files.extend(crate::config::data_dir(&text).and_then(|dir| journal(&file_in(&dir))));
-    let unix_s = u64::try_from(clock::wall().unix_ms / 1000).unwrap_or(0);
-    archive("vfd-gateway-stopped", &files, unix_s)
+    archive("vfd-gateway-stopped", &files)
 }
 
 /// The newest rows of the journal; `None` if there is none that can be read.

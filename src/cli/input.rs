@@ -1,6 +1,7 @@
 //! User-written files: read, and their problems rendered with their place in the text.
 
 use super::Failure;
+use super::output::few;
 use super::own_models::{ModelDirs, OwnModels};
 use crate::config::qualified::Qualified;
 use crate::config::{self, Config};
@@ -217,10 +218,8 @@ fn folded(problems: &[Problem]) -> Vec<(&Problem, Vec<&Problem>)> {
 /// Where else a problem is; `None` if nowhere.
 fn same_in(text: &str, equal: &[&Problem]) -> Option<String> {
     let lines: Vec<_> = equal.iter().map(|problem| problem.place_in(text).0.to_string()).collect();
-    let (named, more) = lines.split_at_checked(LINES_MAX).unwrap_or((&lines[..], &[]));
     let what = if lines.len() == 1 { "line" } else { "lines" };
-    let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
-    (!lines.is_empty()).then(|| format!("the same in {what} {}{more}", named.join(", ")))
+    (!lines.is_empty()).then(|| format!("the same in {what} {}", few(&lines, LINES_MAX)))
 }
 
 fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem, same: Option<&'a str>) -> Group<'a> {

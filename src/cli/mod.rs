@@ -91,7 +91,7 @@ enum Command {
     Health(health::Args),
     /// Observe the lines of the running gateway for a while, and report what is wrong and how to fix it
     Doctor(doctor::Args),
-    /// Write one archive for whoever helps: configuration without passwords, log, journal, reports, traffic
+    /// Write a support archive: configuration without passwords, log, journal, reports, traffic
     Diagnose(diagnose::Args),
     /// Reload the configuration of the running gateway atomically
     Reload(reload::Args),

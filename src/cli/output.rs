@@ -30,6 +30,15 @@ fn coloured(tone: Tone, word: &str) -> String {
     format!("\x1b[{code}m{word}\x1b[0m")
 }
 
+/// `names`, or the first `most` of them and how many more there are.
+#[must_use]
+pub fn few(names: &[String], most: usize) -> String {
+    match names.split_at_checked(most) {
+        Some((first, rest)) if !rest.is_empty() => format!("{} and {} more", first.join(", "), rest.len()),
+        _ => names.join(", "),
+    }
+}
+
 /// Prints to stdout. A reader that has gone away, such as `head`, ends the output without an error.
 ///
 /// # Errors

@@ -231,7 +231,7 @@ const BRIDGES: [Ipv4Net; 2] =
     [Ipv4Net::new_assert(Ipv4Addr::new(172, 17, 0, 0), 16), Ipv4Net::new_assert(Ipv4Addr::new(10, 88, 0, 0), 16)];
 
 /// The warning about a list that names one of [`ListenerSettings::bridges`].
-pub const BEHIND_A_BRIDGE: &str = "behind the bridge of a container every client may come from there, whoever it is; use the \
+pub const BEHIND_A_BRIDGE: &str = "behind the bridge of a container every client may come from there, whatever its own address; use the \
                                    host's network (--network host) and list the addresses of the clients";
 
 impl ListenerSettings {

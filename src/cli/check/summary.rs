@@ -2,7 +2,8 @@
 
 use super::drive::settings;
 use super::text::ms;
-use super::{of_http, of_listener, of_mqtt, of_sparkplug, warnings};
+use super::{beside_modbus, of_listener, warnings};
+use crate::cli::output::few;
 use crate::config::{Config, LineSettings, line_plan};
 use crate::domain::report::StopBounds;
 use std::fmt::Write;
@@ -19,17 +20,9 @@ pub(super) fn summary(config: &Config) -> String {
     for listener in &config.listeners {
         let _ = writeln!(text, "{}", of_listener(listener));
     }
-    if let Some(mqtt) = &config.mqtt {
-        let _ = writeln!(text, "{}", of_mqtt(mqtt, config));
-        if let Some(sparkplug) = &mqtt.sparkplug {
-            let _ = writeln!(text, "{}", of_sparkplug(sparkplug, config));
-        }
-    }
-    if let Some(http) = &config.http {
-        let _ = writeln!(text, "{}", of_http(http));
-    }
+    text.push_str(&beside_modbus(config));
     for (of, warning) in folded(config) {
-        let _ = writeln!(text, "warning: {}: {warning}", named(&of));
+        let _ = writeln!(text, "warning: {}: {warning}", few(&of, NAMES_MAX));
     }
     if let Some(drives) = to_be_set(config) {
         let _ = writeln!(text, "to be set at the drives: {drives}");
@@ -79,14 +72,6 @@ fn folded(config: &Config) -> Vec<(Vec<String>, String)> {
     folded
 }
 
-/// The names, or the first of them and their number.
-fn named(names: &[String]) -> String {
-    match names.split_at_checked(NAMES_MAX) {
-        Some((first, rest)) if !rest.is_empty() => format!("{} and {} more", first.join(", "), rest.len()),
-        _ => names.join(", "),
-    }
-}
-
 /// The controlled drives with settings that must be made at them, each with their number.
 fn to_be_set(config: &Config) -> Option<String> {
     let drives = config.lines.iter().flat_map(|line| line.drives.iter().map(move |drive| (line, drive)));
@@ -96,7 +81,7 @@ fn to_be_set(config: &Config) -> Option<String> {
         (settings > 0).then(|| format!("{} ({settings})", drive.name))
     });
     let counts: Vec<_> = counts.collect();
-    (!counts.is_empty()).then(|| named(&counts))
+    (!counts.is_empty()).then(|| few(&counts, NAMES_MAX))
 }
 
 #[cfg(test)]

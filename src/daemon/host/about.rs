@@ -1,13 +1,20 @@
 //! The program and its host, for diagnostics.
 
 use super::adapters;
+use super::archive::ArchivedFile;
 use rustix::system::uname;
 use serde_json::{Value, json};
 use std::fs;
 
-/// Versions of the program and of its host.
+/// The files about the host: `about.json` and `ports.json`.
 #[must_use]
-pub fn versions() -> Value {
+pub fn files() -> [ArchivedFile; 2] {
+    [("about.json", versions()), ("ports.json", ports())]
+        .map(|(path, value)| ArchivedFile::new(path, format!("{value:#}\n")))
+}
+
+/// Versions of the program and of its host.
+fn versions() -> Value {
     let uname = uname();
     let release = fs::read_to_string("/etc/os-release").unwrap_or_default();
     let system = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="));
@@ -24,8 +31,7 @@ pub fn versions() -> Value {
 }
 
 /// The serial ports of the host.
-#[must_use]
-pub fn ports() -> Value {
+fn ports() -> Value {
     let port = |it: adapters::Adapter| {
         json!({
             "path": it.path.display().to_string(),

@@ -1,5 +1,6 @@
 //! One compressed file with several files in it.
 
+use super::clock;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io;
@@ -21,11 +22,12 @@ impl ArchivedFile {
     }
 }
 
-/// A `tar.gz` of `files` in the directory `root`, all of the time `unix_s`.
+/// A `tar.gz` of `files` in the directory `root`, all of this moment.
 ///
 /// # Errors
 /// A path that the format cannot hold.
-pub fn archive(root: &str, files: &[ArchivedFile], unix_s: u64) -> io::Result<Vec<u8>> {
+pub fn archive(root: &str, files: &[ArchivedFile]) -> io::Result<Vec<u8>> {
+    let unix_s = u64::try_from(clock::wall().unix_ms / 1000).unwrap_or(0);
     let mut archive = Builder::new(GzEncoder::new(Vec::new(), Compression::default()));
     for file in files {
         let mut header = Header::new_gnu();

@@ -145,7 +145,7 @@ impl Scrape {
 /// The age of the oldest fast value of `drive`; `None` while one was never read.
 fn age(drive: &SharedDrive, view: &DriveView, now: MonoTime) -> Option<f64> {
     let fast = drive.description.model.registers.iter().filter(|register| register.poll == Some(PollClass::Fast));
-    let ages = fast.map(|register| Some(now.since(view.snapshot.value(register)?.at)));
+    let ages = fast.map(|register| Some(now.since(view.snapshot.read_at(register)?)));
     let oldest = ages.collect::<Option<Vec<_>>>()?.into_iter().max()?;
     Some(oldest.as_secs_f64())
 }

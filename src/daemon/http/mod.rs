@@ -8,7 +8,7 @@
 mod answers;
 mod connections;
 mod control;
-mod diagnostics;
+pub mod diagnostics;
 mod doorkeeper;
 mod entrance;
 mod front;

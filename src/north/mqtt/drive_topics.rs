@@ -229,8 +229,7 @@ impl DriveTopics {
                 continue;
             }
             let register = kind.register().and_then(|register| drive.model.registers.get(register));
-            let read_at = register.and_then(|it| view.snapshot.value(it)).map(|reading| reading.at);
-            let at = read_at.unwrap_or(now.at);
+            let at = register.and_then(|it| view.snapshot.read_at(it)).unwrap_or(now.at);
             let topic = below_drive(slot.topic(), drive).to_owned();
             let text = self.points.shown(kind, &content, drive).unwrap_or_default();
             let value = text.parse::<f64>().map_or_else(|_| json!(text), |number| json!(number));

@@ -197,7 +197,7 @@ impl Look<'_> {
     pub(super) fn since(&self, definition: &Definition, content: &Content) -> MonoTime {
         let of_register = || {
             let register = register(self.drive, definition.source)?;
-            Some(self.view.snapshot.value(register)?.at)
+            self.view.snapshot.read_at(register)
         };
         match content {
             Content::Value(_) => of_register().unwrap_or(self.at),

@@ -1,10 +1,11 @@
 //! Diagnostics: one archive with everything that helps others to find out what is wrong, without secrets.
 //!
-//! The documents in it are those of the routes, so that nobody has to learn a second form of them.
+//! The documents in it are those of the routes, so that there is one form of them to learn.
 
 mod recording;
 mod routes;
 
+pub use routes::SECONDS;
 pub(super) use routes::{answer, own_router};
 
 use super::routes::{Documents, router};
@@ -94,18 +95,16 @@ impl Diagnostics {
         }
         files.push(ArchivedFile::new("log.txt", recent_log::own().text()));
         let configuration = self.state.configuration.clone();
-        let unix_s = u64::try_from(clock::wall().unix_ms / 1000).unwrap_or(0);
         // To read the host and to compress takes longer than this thread may.
         let made = tokio::task::spawn_blocking(move || {
-            files.push(ArchivedFile::new("about.json", format!("{:#}\n", about::versions())));
-            files.push(ArchivedFile::new("ports.json", format!("{:#}\n", about::ports())));
+            files.extend(about::files());
             if let Some(path) = configuration {
                 let text = user_files::text(&path, user_files::BYTES_MAX);
                 let text =
                     text.map_or_else(|error| format!("# {}: {error}\n", path.display()), |it| without_secrets(&it));
                 files.push(ArchivedFile::new("configuration.toml", text));
             }
-            archive(&name, &files, unix_s)
+            archive(&name, &files)
         });
         made.await.map_err(io::Error::other)?
     }

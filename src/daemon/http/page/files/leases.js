@@ -44,7 +44,7 @@ export function observe({ name, control }) {
   }
 }
 
-/** How the gateway calls whoever is signed in; null if nobody is. */
+/** The gateway's name for the signed-in user; null without one. */
 function own_name() {
   const { user } = session.current();
   return user === null ? null : `page ${user}`;

@@ -47,7 +47,7 @@ export class Report {
     this.is_open = false;
   }
 
-  /** One archive for whoever helps: it takes as long as the traffic is recorded. */
+  /** A support archive. Making it takes as long as the traffic is recorded. */
   async save() {
     this.pack.disabled = true;
     text(this.pack, "Recording 10 s");
