@@ -118,13 +118,21 @@ impl DriveDescription {
     /// `None` if it has no value or is not polled.
     #[must_use]
     pub fn stale_at(&self, register: &Register, snapshot: &DriveSnapshot) -> Option<MonoTime> {
-        self.freshness(register)?.ends_at(register, snapshot)
+        let mut ends_at = snapshot.read_at(register)? + self.stale_after(register)?;
+        for address in register.form.bases() {
+            ends_at = ends_at.min(snapshot.reading(address)?.at + self.basis_stale_after(address)?);
+        }
+        Some(ends_at)
     }
 
-    /// How long the value of `register` is fresh; `None` if it is not polled.
+    fn basis_stale_after(&self, address: Address) -> Option<Duration> {
+        self.stale_after(self.model.readable_at(address)?)
+    }
+
+    /// How long the value of `register` is fresh, for those who ask again and again; `None` if it is not polled.
     #[must_use]
     pub fn freshness(&self, register: &Register) -> Option<Freshness> {
-        let basis = |address| Some((address, self.stale_after(self.model.readable_at(address)?)?));
+        let basis = |address| Some((address, self.basis_stale_after(address)?));
         let bases = register.form.bases().map(basis).collect::<Option<_>>()?;
         Some(Freshness { own: self.stale_after(register)?, bases })
     }

@@ -11,12 +11,10 @@ pub const SLOW_FACTOR: u32 = 4;
 pub const HOLE_MAX: u16 = 8;
 
 /// How often a drive is polled.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
-    /// Intended period of its fast polls.
-    poll: Duration,
-    /// By how much the line stretches every period, at least 1.
-    stretch: f64,
+    /// Time between two polls of each class, in the order of the classes: it is asked for with every value.
+    periods: [Duration; PollClass::ALL.len()],
 }
 
 impl Pace {
@@ -24,20 +22,24 @@ impl Pace {
     /// below 1 or NaN counts as 1.
     #[must_use]
     pub fn new(poll: Duration, stretch: f64) -> Self {
-        Self { poll, stretch: stretch.clamp(1.0, 1e6).max(1.0) }
+        let stretch = stretch.clamp(1.0, 1e6).max(1.0);
+        let period = |class| {
+            let wanted = match class {
+                PollClass::Fast => poll,
+                PollClass::Second => poll.max(Duration::from_secs(1)),
+                PollClass::Slow => poll * SLOW_FACTOR,
+                PollClass::Minutely => (poll * SLOW_FACTOR).max(Duration::from_secs(60)),
+                PollClass::Hourly => (poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
+            };
+            wanted.mul_f64(stretch).max(Duration::from_millis(1))
+        };
+        Self { periods: PollClass::ALL.map(period) }
     }
 
     /// Time between two polls of `class`.
     #[must_use]
-    pub fn period(&self, class: PollClass) -> Duration {
-        let wanted = match class {
-            PollClass::Fast => self.poll,
-            PollClass::Second => self.poll.max(Duration::from_secs(1)),
-            PollClass::Slow => self.poll * SLOW_FACTOR,
-            PollClass::Minutely => (self.poll * SLOW_FACTOR).max(Duration::from_secs(60)),
-            PollClass::Hourly => (self.poll * SLOW_FACTOR).max(Duration::from_secs(3600)),
-        };
-        wanted.mul_f64(self.stretch).max(Duration::from_millis(1))
+    pub const fn period(&self, class: PollClass) -> Duration {
+        self.periods[class as usize]
     }
 }
 

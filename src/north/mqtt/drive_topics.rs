@@ -199,10 +199,12 @@ impl DriveTopics {
         let now = now.beating(self.points.heartbeat(kind));
         let points = &self.points;
         let slot = &mut self.slots.get_mut(place)?.1;
-        let payload = points.shown(kind, &content, drive).unwrap_or_default().into_bytes();
-        let qos = if kind == Kind::Availability { Qos::AtLeastOnce } else { Qos::AtMostOnce };
         let differ = |old, new| points.differ_on(kind, drive, old, new);
-        slot.offer(&now, content, differ).then(|| slot.publication(&now, payload, qos))
+        let content = slot.offer(&now, content, differ)?;
+        // Most walks publish nothing, so the text is written only here.
+        let payload = points.shown(kind, content, drive).unwrap_or_default().into_bytes();
+        let qos = if kind == Kind::Availability { Qos::AtLeastOnce } else { Qos::AtMostOnce };
+        Some(slot.publication(&now, payload, qos))
     }
 
     /// Changes of run state, frequencies and measurements since they were last published or kept, in the order in which
@@ -242,7 +244,7 @@ impl DriveTopics {
 
     /// The content of a topic; `None` if it is to be left as it is.
     fn content(&self, kind: Kind, now: &Present, drive: &DriveDescription, view: &DriveView) -> Option<Content> {
-        let trip = Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
+        let trip = || Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
         let text = |text: Option<String>| text.map_or(Content::Cleared, |text| Content::Text(text.into()));
         let word = |reading: Option<ValueReading>| reading.map_or(Content::Cleared, |it| Content::Value(it.value));
         Some(match kind {
@@ -253,10 +255,10 @@ impl DriveTopics {
             }
             Kind::Setpoint => text(view.control.as_ref().and_then(|it| it.setpoint).map(|hertz| hertz.to_string())),
             Kind::Owner => text(view.control.as_ref().and_then(|it| it.lease).map(|(owner, _)| owner.to_string())),
-            Kind::TripActive => text(trip.and_then(|it| it.active).map(|active| active.to_string())),
-            Kind::TripCount => text(view.trip_kept.count.filter(|_| trip.is_some()).map(|count| count.to_string())),
-            Kind::TripCode => text(code(view).filter(|_| trip.is_some()).map(|code| code.to_string())),
-            Kind::TripText => text(trip.and_then(|_| state::active_trip_text(drive, view))),
+            Kind::TripActive => text(trip().and_then(|it| it.active).map(|active| active.to_string())),
+            Kind::TripCount => text(view.trip_kept.count.filter(|_| trip().is_some()).map(|count| count.to_string())),
+            Kind::TripCode => text(code(view).filter(|_| trip().is_some()).map(|code| code.to_string())),
+            Kind::TripText => text(trip().and_then(|_| state::active_trip_text(drive, view))),
             Kind::WarningActive => text(warning(drive, view, now.at).map(|word| (word != 0).to_string())),
             Kind::WarningCode => {
                 text(warning(drive, view, now.at).map(|word| warnings::code(&drive.model, word).to_string()))

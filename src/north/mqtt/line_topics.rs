@@ -54,7 +54,7 @@ impl LineTopics {
     pub(super) fn next(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
         let status = status(&line.report);
         let payload = status.clone().into_bytes();
-        if self.status.offer(now, Content::Text(status.into()), |_, _| true) {
+        if self.status.offer(now, Content::Text(status.into()), |_, _| true).is_some() {
             return Some(self.status.publication(now, payload, Qos::AtLeastOnce));
         }
         self.next_stats(now, line)

@@ -52,9 +52,14 @@ impl Slot {
         Self { topic, published: None, told: None }
     }
 
-    /// Whether `content` is to be published now; from then on it counts as published. Words that `differ` does not
+    /// `content` if it is to be published now; from then on it counts as published. Words that `differ` does not
     /// distinguish are the same content.
-    pub(super) fn offer(&mut self, now: &Present, content: Content, differ: impl Fn(Scaled, Scaled) -> bool) -> bool {
+    pub(super) fn offer(
+        &mut self,
+        now: &Present,
+        content: Content,
+        differ: impl Fn(Scaled, Scaled) -> bool,
+    ) -> Option<&Content> {
         let is_due = match (&self.published, &content) {
             (None, _) => true,
             (Some((_, Content::Cleared)), Content::Cleared) => false,
@@ -63,11 +68,11 @@ impl Slot {
             }
             (Some((at, old)), new) => old != new || now.at.since(*at) >= now.heartbeat,
         };
-        if is_due {
-            self.told = Some(content.clone());
-            self.published = Some((now.at, content));
+        if !is_due {
+            return None;
         }
-        is_due
+        self.told = Some(content.clone());
+        Some(&self.published.insert((now.at, content)).1)
     }
 
     /// Whether `content` differs from what was last published or kept; from then on it counts as such. The first

@@ -198,7 +198,7 @@ impl Telemetry {
             }
             self.place = (self.place + 1) % places;
         }
-        let is_due = self.status.offer(&now, Content::Text("online".into()), |_, _| true);
+        let is_due = self.status.offer(&now, Content::Text("online".into()), |_, _| true).is_some();
         is_due.then(|| self.status.publication(&now, b"online".to_vec(), Qos::AtLeastOnce))
     }
 

@@ -153,6 +153,11 @@ pub enum PollClass {
     Hourly,
 }
 
+impl PollClass {
+    /// All classes, in the order of their declaration.
+    pub const ALL: [Self; 5] = [Self::Fast, Self::Second, Self::Slow, Self::Minutely, Self::Hourly];
+}
+
 /// The documented access to a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
