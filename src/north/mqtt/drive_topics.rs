@@ -1,75 +1,22 @@
 //! The retained topics of one drive: the content of each, and which is to be published next.
 
 use super::history::Change;
+use super::kinds::{Kind, kinds};
 use super::points::Points;
 use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
 use super::state::{self, StateSlot};
 use super::topics::Topics;
 use super::types::{Settings, Tree};
 use crate::domain::time::MonoTime;
-use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
 use crate::drive::warnings;
 use crate::north::broker::{Publication, Qos};
 use crate::north::shown::{answered_run_state, fresh, stale_at, warning};
-use crate::profile::model::{Register, Role};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// What a topic shows. Numbers are indices of registers in the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::north) enum Kind {
-    Availability,
-    RunState,
-    /// A polled register.
-    Polled(usize),
-    /// The register at this index, which is in per cent of a rated value, in the unit of that value.
-    Rated(usize),
-    /// The setpoint that was commanded, if the drive's own is not polled.
-    Setpoint,
-    /// The owner of control.
-    Owner,
-    TripActive,
-    TripCode,
-    TripText,
-    TripCount,
-    TripLast,
-    /// Whether a warning is active; the drive goes on.
-    WarningActive,
-    WarningCode,
-    WarningText,
-    /// A register that was read on demand.
-    Param(usize),
-}
-
-impl Kind {
-    /// Whether its changes are kept while there is no broker to publish to.
-    const fn is_recorded(self) -> bool {
-        matches!(self, Self::RunState | Self::Polled(_) | Self::Rated(_) | Self::Setpoint)
-    }
-
-    /// The tree it is part of; `None`: it is always published.
-    const fn tree(self) -> Option<Tree> {
-        match self {
-            Self::Availability => None,
-            Self::Param(_) => Some(Tree::Param),
-            _ => Some(Tree::Values),
-        }
-    }
-
-    /// The register that it shows.
-    pub(in crate::north) const fn register(self) -> Option<usize> {
-        match self {
-            Self::Polled(register) | Self::Rated(register) | Self::Param(register) => Some(register),
-            _ => None,
-        }
-    }
-}
-
 /// The retained topics of one drive.
 #[derive(Debug)]
 pub(super) struct DriveTopics {
@@ -337,65 +284,4 @@ pub(in crate::north) fn code(view: &DriveView) -> Option<u16> {
 fn below_drive<'t>(topic: &'t str, drive: &DriveDescription) -> &'t str {
     let place = topic.find(&format!("/drive/{}/", drive.name)).map(|start| start + "/drive/".len());
     place.and_then(|start| topic.get(start + drive.name.as_str().len() + 1..)).unwrap_or(topic)
-}
-
-/// What is shown of `drive`, each with its topic below the drive's.
-pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
-    let mut kinds = vec![(Kind::Availability, "availability".into()), (Kind::RunState, "run/state".into())];
-    let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
-    let values = drive.model.registers.iter().enumerate().filter(polled);
-    kinds.extend(values.filter_map(|(place, register)| Some((Kind::Polled(place), value_topic(register)?))));
-    let in_per_cent = drive.model.registers.iter().enumerate().filter(polled).filter_map(|(place, register)| {
-        let rated = Rated::of(register, &drive.ratings)?;
-        Some((Kind::Rated(place), format!("measure/{}", measure_name(register.role?, rated.unit)?)))
-    });
-    kinds.extend(in_per_cent);
-    let has_setpoint = kinds.iter().any(|(_, rest)| rest == SETPOINT);
-    if drive.control.is_some() && !has_setpoint {
-        kinds.push((Kind::Setpoint, SETPOINT.into()));
-    }
-    if drive.control.is_some() {
-        kinds.push((Kind::Owner, "control/owner".into()));
-    }
-    let trips = [
-        (Kind::TripActive, "active"),
-        (Kind::TripCode, "code"),
-        (Kind::TripText, "text"),
-        (Kind::TripCount, "count"),
-        (Kind::TripLast, "last"),
-    ];
-    kinds.extend(trips.map(|(kind, rest)| (kind, format!("trip/{rest}"))));
-    if drive.model.warning_register().is_some() {
-        let warnings = [(Kind::WarningActive, "active"), (Kind::WarningCode, "code"), (Kind::WarningText, "text")];
-        kinds.extend(warnings.map(|(kind, rest)| (kind, format!("warning/{rest}"))));
-    }
-    kinds
-}
-
-const SETPOINT: &str = "frequency/setpoint";
-
-/// The topic of a polled register; `None` for the trip count, which is shown as interpreted.
-fn value_topic(register: &Register) -> Option<String> {
-    match register.role {
-        Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
-        Some(Role::FrequencySetting | Role::FrequencyCommand) => Some(SETPOINT.to_owned()),
-        Some(Role::TripCount | Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory) => None,
-        Some(Role::WarningCode | Role::WarningBits) => None,
-        Some(role) => Some(format!("measure/{}", measure_name(role, register.unit).unwrap_or(&register.name))),
-        None => Some(format!("measure/{}", register.name)),
-    }
-}
-
-/// The vendor-independent name of a measurement, if it is in its vendor-independent unit.
-const fn measure_name(role: Role, unit: UnitOfMeasure) -> Option<&'static str> {
-    Some(match (role, unit) {
-        (Role::OutputCurrent, UnitOfMeasure::Ampere) => "current",
-        (Role::OutputVoltage, UnitOfMeasure::Volt) => "voltage",
-        (Role::DcLinkVoltage, UnitOfMeasure::Volt) => "dc_voltage",
-        (Role::OutputPower, UnitOfMeasure::Kilowatt) => "power",
-        (Role::Torque, UnitOfMeasure::Percent) => "torque",
-        (Role::Temperature, UnitOfMeasure::Celsius) => "temperature",
-        (Role::RunHours, UnitOfMeasure::Hour) => "run_hours",
-        _ => return None,
-    })
 }

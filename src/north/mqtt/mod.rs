@@ -19,6 +19,7 @@ mod history;
 mod home_assistant;
 mod in_flight;
 mod inputs;
+mod kinds;
 mod line_topics;
 mod params;
 mod payload;
@@ -53,7 +54,8 @@ mod session_tests;
 mod telemetry_tests;
 
 pub use counters::Counters;
-pub(in crate::north) use drive_topics::{Kind, code as trip_code, kinds, trips_are_fresh};
+pub(in crate::north) use drive_topics::{code as trip_code, trips_are_fresh};
+pub(in crate::north) use kinds::{Kind, kinds};
 pub(in crate::north) use points::Points;
 pub use session::Session;
 pub use types::{Act, Combined, HomeAssistant, LeaseMode, Settings, Tree};

@@ -1,7 +1,7 @@
 //! How each register of a drive is published: which change is news, how often it is repeated without one, and with how
 //! many digits.
 
-use super::drive_topics::Kind;
+use super::kinds::Kind;
 use super::slot::Content;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;

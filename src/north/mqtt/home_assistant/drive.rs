@@ -5,7 +5,7 @@ use super::{combined, control};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
-use crate::north::mqtt::drive_topics::{Kind, kinds};
+use crate::north::mqtt::kinds::{Kind, kinds};
 use crate::north::mqtt::topics::Topics;
 use crate::north::mqtt::types::Combined;
 use crate::profile::model::{Flag, Model, Register, Role};
