@@ -117,7 +117,7 @@ fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Fai
 }
 
 fn drive_on(drive: usize, station: u8, model: &Arc<Model>) -> Drive {
-    Drive { name: Shape::drive_name(drive), station: Station(station), model: Arc::clone(model) }
+    Drive { name: Shape::drive_name(drive), station: Station(station), group: "fleet", model: Arc::clone(model) }
 }
 
 /// Everything that a gateway publishes from its connection on until nothing is left to say.

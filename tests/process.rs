@@ -47,6 +47,7 @@
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
+//! | `many_drives` | the page with many drives: no stop moves, problems come first, drives are found, no barrier |
 //! | `looking` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -164,6 +165,8 @@ mod looking;
 mod losing;
 #[path = "process/manual.rs"]
 mod manual;
+#[path = "process/many_drives.rs"]
+mod many_drives;
 #[path = "process/network.rs"]
 mod network;
 #[path = "process/new_models.rs"]

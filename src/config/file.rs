@@ -96,6 +96,7 @@ pub(super) struct DriveFile {
     pub station: RequiredKey<Station>,
     pub unit: OptionalKey<UnitId>,
     pub uniform_unit: OptionalKey<UnitId>,
+    pub group: OptionalKey<Name>,
     pub poll: OptionalKey<Duration>,
     pub reply_timeout: OptionalKey<Option<Duration>>,
     pub max_lateness: OptionalKey<Duration>,

@@ -183,6 +183,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Drive, "station", "number in the model's range", None, "The station number set on the drive; unique on the line."),
     key(Section::Drive, "unit", "1 to 247", Some("the station, where a listener serves one line only"), "The unit at which Modbus TCP clients reach the drive's own registers."),
     key(Section::Drive, "uniform_unit", "1 to 247", Some("`unit` + 100"), "The unit at which they reach the uniform registers, the same for all models."),
+    key(Section::Drive, "group", "name", Some("none"), "The group in which the page shows the drive, across lines: a machine or a hall."),
     key(Section::Drive, "poll", "\"10ms\" to \"1h\"", Some("\"500ms\""), "Period of the fast polls. Slow polls have four times that period."),
     key(Section::Drive, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("the line's"), "Maximum wait for a reply of this drive."),
     key(Section::Drive, "max_lateness", "\"10ms\" to \"60s\"", Some("the model's; on `tcp://` at least \"3s\""), "How long after a time-out a late reply may still arrive."),

@@ -168,6 +168,8 @@ pub struct DriveSettings {
     pub unit: UnitId,
     /// Unit of the uniform registers on Modbus TCP.
     pub uniform_unit: UnitId,
+    /// The group in which the page shows it.
+    pub group: Option<Name>,
     /// Period of the fast polls, 10 ms to 1 h.
     pub poll: Duration,
     /// Reply time-out, 1 ms to 60 s: the drive's own or else the line's. `None`: from the model.

@@ -317,6 +317,7 @@ fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units
         station: drive.station.as_ref()?.value,
         unit: units.native?,
         uniform_unit: units.uniform?,
+        group: drive.group.clone().optional()?,
         poll: drive.poll.or(DEFAULT_POLL)?,
         reply_timeout: drive.reply_timeout.or(line.reply_timeout)?,
         max_lateness: drive.max_lateness.or(model.timing.max_lateness.value.max(line.max_lateness))?,

@@ -91,6 +91,8 @@ pub struct DriveDescription {
     pub unit: UnitId,
     /// Its uniform unit on Modbus TCP.
     pub uniform_unit: UnitId,
+    /// The group in which the page shows it.
+    pub group: Option<Name>,
     /// How often it is polled.
     pub pace: Pace,
     /// Its rated values, where the model reports in per cent of them.

@@ -40,6 +40,7 @@ fn drive(called: &str) -> DriveDescription {
         model: Arc::clone(&MODEL),
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
+        group: None,
         pace: Pace::new(Duration::from_millis(500), 1.0),
         ratings: Ratings::default(),
         control: None,

@@ -51,6 +51,7 @@ pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
         model: model.clone(),
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
+        group: None,
         pace: Pace::new(Duration::from_millis(500), 1.0),
         ratings: Ratings::default(),
         control: control.map(Arc::new),

@@ -1,5 +1,6 @@
 //! `demo`: everything at once on loopback, without any other software.
 
+mod data_dir;
 pub mod plant;
 
 use super::keyboard::Enter;
@@ -14,11 +15,12 @@ use crate::domain::time::MonoTime;
 use crate::north::operator::password::StoredHash;
 use crate::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use crate::vendors;
+use data_dir::DataDir;
 use plant::Line;
 use std::fmt::Write as _;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Cause number of the trips. Any number will do: its meaning is not known for every model.
@@ -41,6 +43,15 @@ pub struct Args {
     http_port: u16,
 }
 
+/// What the demo's gateway stands in front of, and where it keeps its journal.
+#[derive(Clone, Copy)]
+struct Plant<'p> {
+    lines: &'p [Line],
+    /// The pseudo-terminal of each line.
+    devices: &'p [PathBuf],
+    data_dir: &'p Path,
+}
+
 /// Simulates drives with the gateway and a broker in front of them, until SIGINT or SIGTERM.
 pub fn demo(args: &Args) -> Result<(), Failure> {
     let lines = plant::lines();
@@ -55,7 +66,9 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
     let devices: Vec<_> = played.iter().map(|(pty, _)| pty.path().to_owned()).collect();
     let enter = Enter::listen().map_err(Failure::failed)?;
     let first = lines.first().and_then(|line| line.drives.first()).map(|drive| drive.station);
-    play(&mut played, &enter, first, || gateway(args, &lines, &devices)).map_err(Failure::failed)?
+    let data_dir = DataDir::make().map_err(Failure::failed)?;
+    let plant = Plant { lines: &lines, devices: &devices, data_dir: data_dir.path() };
+    play(&mut played, &enter, first, || gateway(args, plant)).map_err(Failure::failed)?
 }
 
 /// Simulates every line as long as `work` lasts. Each Enter trips the drive at station `first` of the first line.
@@ -78,11 +91,11 @@ fn play<T>(
 }
 
 /// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.
-fn gateway(args: &Args, lines: &[Line], devices: &[PathBuf]) -> Result<(), Failure> {
+fn gateway(args: &Args, plant: Plant<'_>) -> Result<(), Failure> {
     let mut modbus = args.port;
     let mut http = args.http_port;
     loop {
-        let error = match serve(modbus, http, lines, devices) {
+        let error = match serve(modbus, http, plant) {
             Err(StartError::Listen { address, error }) if error.kind() == io::ErrorKind::AddrInUse => address,
             other => return other.map_err(Failure::failed),
         };
@@ -94,8 +107,8 @@ fn gateway(args: &Args, lines: &[Line], devices: &[PathBuf]) -> Result<(), Failu
     }
 }
 
-fn serve(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> Result<(), StartError> {
-    let text = configuration(modbus, http, lines, devices);
+fn serve(modbus: u16, http: u16, plant: Plant<'_>) -> Result<(), StartError> {
+    let text = configuration(modbus, http, plant);
     let config = config::load(&text, &vendors::catalog())
         .ok()
         .ok_or_else(|| StartError::System(io::Error::other("the demo's own configuration is refused")))?;
@@ -105,16 +118,18 @@ fn serve(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> Result<
             Err(error) => return tracing::error!(%error, "cannot wait for Ctrl-C"),
         };
         // The reader of the output may be gone; the demo continues.
-        let _ = print(&welcome(running, lines, devices));
+        let _ = print(&welcome(running, plant));
         told.await;
     })
 }
 
-fn configuration(modbus: u16, http: u16, lines: &[Line], devices: &[PathBuf]) -> String {
+fn configuration(modbus: u16, http: u16, plant: Plant<'_>) -> String {
+    let Plant { lines, devices, data_dir } = plant;
     format!(
         r#"
 [gateway]
 name = "demo"
+data_dir = {data_dir:?}
 {}
 [mqtt]
 broker = "embedded"
@@ -139,7 +154,8 @@ fn user() -> String {
     format!("\n[[http.users]]\nname = \"{USER}\"\npassword_hash = \"{hash}\"\n")
 }
 
-fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String {
+fn welcome(running: &Running<'_>, plant: Plant<'_>) -> String {
+    let Plant { lines, devices, data_dir } = plant;
     let nowhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let modbus = running.listening.first().copied().unwrap_or(nowhere);
     let broker = running.broker.unwrap_or(nowhere);
@@ -162,13 +178,15 @@ fn welcome(running: &Running<'_>, lines: &[Line], devices: &[PathBuf]) -> String
         text,
         "MQTT broker {broker}, topics under vfd/demo/\n\
          Modbus TCP {modbus}\n\
-         Page http://{http}/ beside /metrics, /healthz, /readyz; user {USER}, password {PASSWORD}\n\n\
+         Page http://{http}/ beside /metrics, /healthz, /readyz; user {USER}, password {PASSWORD}\n\
+         Journal in {}, removed at the end\n\n\
          Try in other terminals:\n\
          \x20 mosquitto_sub {at_broker} -v -t 'vfd/demo/#'\n\
          \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/{first}/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\
          \x20 mbpoll -0 -a 101 -t 4 -r 0 -c 16 -p {} {}\n\n\
          Enter trips {first}; trip/reset with the payload reset clears that. If the broker ends, every drive is\n\
          stopped within 5 s. Not a safety function. Ctrl-C stops the drives and ends the demo.\n",
+        data_dir.display(),
         modbus.port(),
         modbus.ip()
     );

@@ -10,8 +10,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The drives' names, which are followed by their stations.
-const NAMES: [&str; 5] = ["pump", "fan", "mixer", "belt", "mill"];
+/// The drives' names, which are followed by their stations, and their groups.
+const NAMES: [(&str, &str); 5] =
+    [("pump", "utilities"), ("fan", "utilities"), ("mixer", "process"), ("belt", "process"), ("mill", "process")];
 /// Rated current and voltage of every drive, as simulated.
 const RATED_CURRENT_A: f64 = 11.0;
 const RATED_VOLTAGE_V: f64 = 400.0;
@@ -26,6 +27,8 @@ pub struct Drive {
     pub name: String,
     /// Its station number.
     pub station: Station,
+    /// The group in which the page shows it.
+    pub group: &'static str,
     /// Its model.
     pub model: Arc<Model>,
 }
@@ -46,8 +49,9 @@ pub(super) fn lines() -> Vec<Line> {
     let catalog = vendors::catalog();
     let models = vendors::in_demo().iter().filter_map(|id| catalog.find(id));
     let mut lines: Vec<Line> = Vec::new();
-    for ((number, name), model) in (1..).zip(NAMES).zip(models) {
-        let drive = Drive { name: format!("{name}-{number}"), station: Station(number), model: Arc::clone(model) };
+    for ((number, (name, group)), model) in (1..).zip(NAMES).zip(models) {
+        let name = format!("{name}-{number}");
+        let drive = Drive { name, station: Station(number), group, model: Arc::clone(model) };
         match lines.iter_mut().find_map(|line| Some((common(line, &drive.model)?, line))) {
             Some((link, line)) => {
                 line.link = link;
@@ -105,11 +109,11 @@ pub fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a Path)>, 
 }
 
 fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
-    let Drive { name, station, model } = drive;
+    let Drive { name, station, group, model } = drive;
     let _ = write!(
         text,
         "\n[[line.drive]]\nname = \"{name}\"\nmodel = \"{}\"\nstation = {station}\nunit = {unit}\n\
-         uniform_unit = {}\npoll = \"1s\"\n",
+         uniform_unit = {}\ngroup = \"{group}\"\npoll = \"1s\"\n",
         model.id,
         u16::from(unit) + 100
     );

@@ -155,6 +155,7 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
         station: read_station(&mut reader),
         unit: read_unit(&mut reader, "unit"),
         uniform_unit: read_unit(&mut reader, "uniform_unit"),
+        group: reader.optional("group", &name_kind()),
         poll: reader.optional("poll", &Kind::duration(POLL)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
         max_lateness: reader.optional("max_lateness", &Kind::duration(MAX_LATENESS)),

@@ -45,6 +45,7 @@ pub(super) fn description() -> DriveDescription {
         model: Arc::clone(catalog.find("hyundai-n700").unwrap()),
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
+        group: None,
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: None,

@@ -81,6 +81,7 @@ fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
         model: Arc::clone(model),
         unit: UnitId::new(1 + number).unwrap(),
         uniform_unit: UnitId::new(101 + number).unwrap(),
+        group: None,
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: has_control(number).then(|| Arc::new(settings())),

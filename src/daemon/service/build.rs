@@ -81,6 +81,7 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
         model: Arc::clone(&drive.model),
         unit: drive.unit,
         uniform_unit: drive.uniform_unit,
+        group: drive.group.clone(),
         pace: Pace::new(drive.poll, stretch),
         ratings: drive.ratings,
         control: drive.control.clone(),

@@ -77,6 +77,7 @@ pub(super) fn description() -> DriveDescription {
         model: Arc::new(model()),
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
+        group: None,
         pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: Some(Arc::new(settings())),

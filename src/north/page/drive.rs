@@ -3,7 +3,7 @@
 use super::Present;
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::domain::ids::Station;
+use crate::domain::ids::{Name, Station};
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
@@ -40,6 +40,7 @@ impl Drive<'_> {
         json!({
             "name": description.name.as_str(),
             "line": description.line.as_str(),
+            "group": description.group.as_ref().map(Name::as_str),
             "model": model.id,
             "vendor": model.vendor,
             "title": model.title,

@@ -41,6 +41,7 @@ pub(super) fn description(model: &str) -> DriveDescription {
         model: Arc::clone(catalog().find(model).unwrap()),
         unit: UnitId::new(3).unwrap(),
         uniform_unit: UnitId::new(103).unwrap(),
+        group: None,
         pace: Pace::new(Duration::from_secs(1), 1.0),
         ratings: Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) },
         control: Some(Arc::new(crate::drive::testing::control())),

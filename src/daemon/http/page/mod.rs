@@ -13,6 +13,7 @@ use std::sync::LazyLock;
 
 /// The file that is the page itself.
 const INDEX: &str = "index.html";
+
 /// A file of the page.
 #[derive(Debug)]
 struct File {
@@ -28,15 +29,16 @@ macro_rules! files {
 }
 
 /// All files, by their kind.
-const FILES: [&[File]; 5] = [
+const FILES: [&[File]; 6] = [
     &files!("text/html; charset=utf-8": "index.html"),
     &files!("text/css; charset=utf-8": "page.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
-        "app.js", "control.js", "dom.js", "drives.js", "fetched.js", "hold.js", "journal.js", "leases.js", "lines.js",
-        "report.js", "session.js", "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js",
-        "uplot.min.js",
+        "app.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "hold.js", "journal.js",
+        "layout.js", "leases.js", "lines.js", "notify.js", "problems.js", "report.js", "session.js", "signing.js",
+        "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
     ),
-    &files!("image/svg+xml": "icon.svg"),
+    &files!("image/svg+xml": "icon-problem.svg", "icon.svg"),
+    &files!("application/manifest+json": "manifest.webmanifest"),
     &files!("text/plain; charset=utf-8": "uplot.LICENSE.txt"),
 ];
 

@@ -2,8 +2,12 @@
 
 import { announce, attribute, clock, h, number, show, text, words } from "./dom.js";
 import * as drives from "./drives.js";
+import * as filter from "./filter.js";
 import { Journal } from "./journal.js";
+import * as layout from "./layout.js";
 import * as lines from "./lines.js";
+import * as notify from "./notify.js";
+import * as problems from "./problems.js";
 import { Report } from "./report.js";
 import * as session from "./session.js";
 import * as signing from "./signing.js";
@@ -13,8 +17,6 @@ import { Traffic } from "./traffic.js";
 import { Trend } from "./trend.js";
 
 const at = (id) => document.getElementById(id);
-const COUNTED = ["tripped", "offline", "unknown", "running", "stopped"];
-const MOVING = new Set(["forward", "reverse", "running", "stopping"]);
 
 let version = null;
 let names = { drives: [], lines: [] };
@@ -31,8 +33,12 @@ const tabs = new Tabs(at("tabs"), [
 ]);
 
 drives.start(at("drives"));
-lines.start(at("lines"), at("advice"));
-signing.start(at("session"), at("sign-in-place"), at("stop-results"));
+filter.start(at("filter"), at("counts"));
+layout.start(at("layout"), at("drives"));
+lines.start(at("lines"));
+notify.start(at("notify"));
+problems.start(at("advice"), at("advice-title"));
+signing.start(at("session"), at("sign-in-place"));
 session.changed(() => drives.redraw());
 session.refresh();
 
@@ -41,7 +47,6 @@ function take_gateway(gateway) {
   // Another program serves another page.
   if (version !== null && version !== gateway.version) location.reload();
   version = gateway.version;
-  document.title = `${gateway.name} · VFD gateway`;
   text(at("gateway"), gateway.name);
   text(at("version"), `version ${gateway.version}`);
   const { mqtt, journal: kept, ready } = gateway;
@@ -62,17 +67,12 @@ function take_names(told) {
   report.names(names.lines);
 }
 
-function count() {
-  const counts = new Map(COUNTED.map((word) => [word, 0]));
-  for (const { run_state } of drives.all()) {
-    const word = MOVING.has(run_state) ? "running" : run_state;
-    counts.set(word, (counts.get(word) ?? 0) + 1);
-  }
-  const shown = [...counts].filter(([, many]) => many > 0);
-  const wanted = shown.map(([word, many]) => `${many} ${words(word)}`).join(", ");
-  if (at("counts").dataset.shown === wanted) return;
-  at("counts").dataset.shown = wanted;
-  at("counts").replaceChildren(...shown.map(([word, many]) => h("li", { "data-state": word }, h("b", {}, number(many)), ` ${words(word)}`)));
+/** The tab tells the worst state, also while another one is looked at. */
+function take_advice(advice) {
+  const many = problems.advise(advice);
+  const name = `${at("gateway").textContent} · VFD gateway`;
+  document.title = many === 0 ? name : `(${number(many)}!) ${name}`;
+  attribute(at("icon"), "href", many === 0 ? "assets/icon.svg" : "assets/icon-problem.svg");
 }
 
 const on = {
@@ -81,9 +81,11 @@ const on = {
     take_names(document);
     lines.replace(document.lines);
     drives.replace(document.drives);
+    layout.count(document.drives.length);
+    filter.parts(document.drives);
     drives.redraw(true);
-    lines.advise(document.advice ?? []);
-    count();
+    take_advice(document.advice ?? []);
+    filter.count(drives.all());
     show(at("waiting"), false);
     tabs.begin();
   },
@@ -92,8 +94,8 @@ const on = {
     take_gateway(document.gateway);
     if (document.lines) lines.update(document.lines);
     if (document.drives) drives.update(document.drives);
-    if (document.advice) lines.advise(document.advice);
-    count();
+    if (document.advice) take_advice(document.advice);
+    filter.count(drives.all());
   },
 
   trip({ drive, kind, code, text: sentence }) {

@@ -97,9 +97,9 @@ export class Controls {
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
-      show(hold.element, can.includes(word) && this.is_useful(word));
+      show(hold.element, can.includes(word) || word === "take");
       // What would be run at a number that is not allowed is not run at all.
-      const is_on = this.is_live && !(kind === "run" && is_wrong);
+      const is_on = this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
       hold.rename(kind === "run" && draft !== null ? `${label} at ${number(draft)} Hz` : label);
     }
@@ -131,6 +131,7 @@ export class Controls {
   tell(kind, message, is_urgent = false) {
     this.result.className = `result ${kind}`;
     text(this.result, `${clock(Date.now())} ${message}`);
+    this.result.title = message;
     if (kind !== "pending") announce(`${this.drive}: ${message}`, is_urgent);
   }
 }

@@ -107,6 +107,13 @@ export function number(value, decimals = null) {
   return Number.isInteger(value) ? String(value) : String(Math.round(value * 1000) / 1000);
 }
 
+const UNITS = { degC: "°C", "m3/h": "m³/h", "-": "" };
+
+/** A unit as people write it. */
+export function unit(symbol) {
+  return UNITS[symbol] ?? symbol ?? "";
+}
+
 /** Milliseconds as a short span of time. */
 export function span(ms) {
   if (typeof ms !== "number" || !Number.isFinite(ms)) return "–";

@@ -1,7 +1,7 @@
 // A card for each drive.
 
 import { Controls } from "./control.js";
-import { announce, attribute, h, keyed, number, recent, reshape, shape, show, span, text, words } from "./dom.js";
+import { announce, attribute, h, keyed, number, recent, reshape, shape, show, span, text, unit, words } from "./dom.js";
 import * as leases from "./leases.js";
 
 // What an operator looks for comes first; the rest is one click away.
@@ -14,6 +14,10 @@ const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage"
 const cards = new Map();
 let place = null;
 let is_live = false;
+let are_rows = false;
+/** The names as they are configured, and as they are shown. */
+let configured = [];
+let order = [];
 
 /** Prepares the cards inside `element`. */
 export function start(element) {
@@ -24,13 +28,39 @@ export function start(element) {
 
 /** Shows these drives and no others. */
 export function replace(drives) {
-  keyed(place, cards, drives, (drive) => drive.name, (drive) => new Card(drive.name));
+  configured = drives.map(({ name }) => name);
+  arrange(drives);
   update(drives);
+}
+
+/** Puts them into the order that was chosen; a new drive is the last. */
+function arrange(drives) {
+  const rank = ({ name }) => (order.includes(name) ? order.indexOf(name) : order.length);
+  const sorted = [...drives].sort((one, other) => rank(one) - rank(other));
+  keyed(place, cards, sorted, (drive) => drive.name, (drive) => new Card(drive.name));
 }
 
 /** Shows what is new of some drives. */
 export function update(drives) {
   for (const drive of drives) cards.get(drive.name)?.take(drive);
+}
+
+/** Shows only the drives for which `is_wanted`; what is hidden stays up to date. */
+export function filter(is_wanted) {
+  for (const { element, drive } of cards.values()) show(element, !drive || is_wanted(drive));
+}
+
+/** Sorts them as they are now; `null`: as they are configured. What changes later moves none of them. */
+export function sort(compare) {
+  const now = configured.map((name) => cards.get(name).drive);
+  order = compare === null ? configured : now.sort(compare).map(({ name }) => name);
+  arrange(now);
+}
+
+/** Shows each as a row, of which one may be open, or as a card. */
+export function as_rows(is) {
+  are_rows = is;
+  cards.forEach((card) => card.draw());
 }
 
 /** Draws all again, because what is around them has changed. */
@@ -66,10 +96,12 @@ class Card {
     this.age = h("p", { class: "age" });
     this.controls = new Controls(name);
     const id = `drive-${name}`;
+    this.open = h("a", { class: "open" }, name);
+    const close = h("a", { class: "close", href: "#drives-title", "aria-label": `Close ${name}` }, "Close");
     this.element = h(
       "article",
-      { class: "card drive", id, "aria-labelledby": `${id}-name` },
-      h("header", {}, h("h3", { id: `${id}-name`, title: name }, name), h("p", { class: "state" }, this.shape, this.state)),
+      { class: "card drive", id, tabindex: "-1", "aria-labelledby": `${id}-name` },
+      h("header", {}, h("h3", { id: `${id}-name`, title: name }, this.open), h("p", { class: "state" }, this.shape, this.state), close),
       // Above all that comes and goes: a hand that is on its way finds it where it was.
       this.controls.stops,
       this.about,
@@ -79,8 +111,7 @@ class Card {
         h("p", { class: "output" }, h("span", { class: "label" }, "Output"), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
         h("p", { class: "set" }, h("span", { class: "label" }, "Set"), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
       ),
-      this.trip,
-      this.marks,
+      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": `Notes on ${name}` }, this.trip, this.marks),
       this.controls.element,
       this.values,
       this.details,
@@ -104,16 +135,24 @@ class Card {
     if (!drive) return;
     const { run_state, line, station, vendor, title, model } = drive;
     attribute(this.element, "data-state", run_state);
+    attribute(this.open, "href", are_rows ? `#${this.element.id}` : null);
+    this.element.classList.toggle("whole", this.is_whole());
     reshape(this.shape, run_state);
     text(this.state, words(run_state));
+    attribute(this.about, "title", model);
     text(this.about, `${title ? `${vendor} ${title}` : model} · ${line} · station ${station ?? "unknown"}`);
     this.figure(this.output, drive.output_frequency_hz);
     this.figure(this.setpoint, drive.setpoint_hz);
     this.draw_trip(drive);
     this.draw_marks(drive);
-    this.draw_values(drive);
+    if (this.is_whole()) this.draw_values(drive);
     this.controls.update(drive, is_live);
     this.draw_ages();
+  }
+
+  /** Whether all of it is shown, and not only a row. */
+  is_whole() {
+    return !are_rows || location.hash === `#${this.element.id}`;
   }
 
   figure(element, value) {
@@ -142,9 +181,10 @@ class Card {
       [status?.alarm === true, "warn", "alarm"],
       [warning, "warn", `warning: ${warning}`],
       [status?.ready === false, "warn", "not ready"],
-      [control?.start_inhibited, "warn", "start inhibited"],
+      [control?.start_inhibited, "info", "start inhibited"],
       [control?.command_pending, "info", "command pending"],
-      [trip?.active === null && presence === "online", "info", "trip unknown"],
+      // Some drives only count their trips.
+      [trip?.active === null && presence === "online", "info", trip.count === null ? "trip not read yet" : "trip unknown until it runs"],
       [watchdog, "info", `watchdog ${words(watchdog)}`],
       [!control, "info", "read only"],
     ].filter(([is]) => is);
@@ -171,7 +211,7 @@ class Card {
   /** Ages go on between what the gateway tells. */
   draw_ages() {
     const { drive } = this;
-    if (!drive) return;
+    if (!drive || !this.is_whole()) return;
     const since = performance.now() - this.taken;
     [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(since));
     const is_polled = ({ poll, quality, age_ms }) => POLLED.has(poll) && quality === "good" && age_ms !== null;
@@ -189,9 +229,10 @@ class Card {
     const is_run = control.intent === "forward" || control.intent === "reverse";
     const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
     const order = is_run || control.owner ? ` · ordered ${words(control.intent)}${set}` : "";
-    if (!control.owner) text(this.owner, `Nobody commands${order}`);
+    if (!control.owner) text(this.owner, `No controller${order}`);
     else if (every_ms === null) text(this.owner, `Commanded by ${control.owner}${left}${order}`);
     else text(this.owner, `Commanded by this tab, renewed every ${span(every_ms)}${left}${order}`);
+    attribute(this.owner, "title", this.owner.textContent);
     this.owner.classList.toggle("ours", every_ms !== null && Boolean(control.owner));
   }
 }
@@ -204,7 +245,7 @@ class Row {
     this.number = h("span", { class: "number" });
     this.unit = h("span", { class: "unit" });
     this.note = h("span", { class: "note" });
-    this.element = h("div", { class: "value" }, h("dt", {}, label || words(name)), h("dd", {}, this.number, this.unit, this.note));
+    this.element = h("div", { class: "value" }, h("dt", { title: label || words(name) }, label || words(name)), h("dd", {}, this.number, this.unit, this.note));
   }
 
   take(value) {
@@ -212,7 +253,7 @@ class Row {
     this.decimals = Math.min(3, Math.max(this.decimals, decimals(value.value)));
     const is_number = typeof value.value === "number";
     text(this.number, value.text ?? (is_number ? number(value.value, this.decimals) : "–"));
-    text(this.unit, is_number && value.text === null ? value.unit : "");
+    text(this.unit, is_number && value.text === null ? unit(value.unit) : "");
     attribute(this.element, "data-quality", value.quality);
   }
 

@@ -1,22 +1,13 @@
-// The lines, and what is wrong or could be better.
+// A row for each line.
 
-import { attribute, h, keyed, number, prose, shape, reshape, show, span, text } from "./dom.js";
-
-const SHOWN_AT_FIRST = 4;
+import { attribute, h, keyed, number, reshape, shape, show, span, text } from "./dom.js";
 
 const rows = new Map();
 let place = null;
-let list = null;
-let more = null;
-let is_all = false;
-let advice = [];
 
-/** Prepares both inside their elements. */
-export function start(lines, advices) {
+/** Prepares the rows inside `lines`. */
+export function start(lines) {
   place = lines;
-  list = h("ul", { class: "advice" });
-  more = h("button", { type: "button", class: "link", click: () => draw_advice(!is_all) });
-  advices.append(list, more);
 }
 
 /** Shows these lines and no others. */
@@ -28,32 +19,6 @@ export function replace(lines) {
 /** Shows what is new of some lines. */
 export function update(lines) {
   for (const line of lines) rows.get(line.name)?.take(line);
-}
-
-/** Shows what the gateway advises. */
-export function advise(next) {
-  advice = [...next].sort((one, other) => rank(one) - rank(other));
-  draw_advice(is_all);
-}
-
-const rank = ({ severity }) => (severity === "problem" ? 0 : 1);
-
-function draw_advice(is) {
-  is_all = is;
-  const shown = is_all ? advice : advice.slice(0, SHOWN_AT_FIRST);
-  list.replaceChildren(...shown.map(item));
-  if (advice.length === 0) {
-    list.append(h("li", { class: "good" }, shape("good"), h("span", {}, "Nothing is wrong, and nothing to advise.")));
-  }
-  show(more, advice.length > SHOWN_AT_FIRST);
-  text(more, is_all ? "Show fewer" : `Show all ${advice.length}`);
-}
-
-function item({ severity, line, drive, text: sentence }) {
-  const where = drive ?? line;
-  const name = where ? h("b", {}, where) : null;
-  const kind = severity === "problem" ? "problem" : "advice";
-  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${kind}: `), name, name ? " " : "", ...prose(sentence)));
 }
 
 class Line {
@@ -70,7 +35,7 @@ class Line {
     this.suspicion = h("p", { class: "suspicion" });
     this.element = h(
       "article",
-      { class: "card line", "aria-label": `Line ${name}` },
+      { class: "card line", id: `line-${name}`, "aria-label": `Line ${name}` },
       h("header", {}, h("h3", {}, name), h("p", { class: "state" }, this.shape, this.state)),
       this.about,
       h(

@@ -1,12 +1,13 @@
 // Signing in and out, and the stop for all.
 
-import { announce, h, show, text, words } from "./dom.js";
+import { announce, h, show, text } from "./dom.js";
 import * as leases from "./leases.js";
+import * as problems from "./problems.js";
 import * as session from "./session.js";
 
-/** Puts it into the page's head; `results` is where the outcome of a stop for all is told. */
-export function start(place, form_place, results) {
-  const stop = h("button", { type: "button", class: "stop all", click: () => stop_all(results) }, "STOP ALL");
+/** Puts it into the page's head. */
+export function start(place, form_place) {
+  const stop = h("button", { type: "button", class: "stop all", click: stop_all }, "STOP ALL");
   const who = h("span", { class: "who" });
   const out = h("button", { type: "button", class: "plain", click: () => session.sign_out() }, "Sign out");
   const begin = h("button", { type: "button", class: "plain", "aria-expanded": "false", "aria-controls": "sign-in" }, "Sign in");
@@ -69,17 +70,12 @@ function sign_in_form(done) {
   return form;
 }
 
-async function stop_all(results) {
-  show(results, true);
-  results.replaceChildren(h("p", {}, "STOP ALL: sent"));
+async function stop_all() {
+  problems.stopping();
+  const begun = performance.now();
   const told = await session.stop_all();
-  const rows = told.map(({ drive, outcome, message, reason }) => {
-    const is_good = outcome === "acknowledged" || outcome === "confirmed";
-    return h("li", { class: is_good ? "good" : "bad" }, h("b", {}, drive), ` ${words(outcome)}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`);
-  });
-  const close = h("button", { type: "button", class: "link", click: () => show(results, false) }, "Close");
-  results.replaceChildren(h("p", {}, h("b", {}, "STOP ALL "), close), h("ul", {}, ...rows));
+  const sentence = problems.stopped(told, performance.now() - begun);
   const failed = told.filter(({ outcome }) => outcome !== "acknowledged" && outcome !== "confirmed");
   const names = failed.map(({ drive }) => drive).join(", ");
-  announce(failed.length === 0 ? "All drives have taken the stop" : `Stop not confirmed: ${names}`, failed.length > 0);
+  announce(failed.length === 0 ? sentence : `${sentence}. Not confirmed: ${names}`, failed.length > 0);
 }

@@ -1,6 +1,6 @@
 // The last hour of a drive: one chart for each unit, with a common cursor.
 
-import { clock, h, number, show, text } from "./dom.js";
+import { clock, h, number, show, text, unit as written } from "./dom.js";
 import { choices, document_at, labelled, query } from "./fetched.js";
 
 const EVERY_MS = 10_000;
@@ -55,7 +55,7 @@ export class Trend {
       this.shown = layout;
       this.draw_anew();
     } else {
-      this.charts.forEach(({ chart, columns }) => chart.setData(data(answer, columns)));
+      this.charts.forEach(({ chart, columns }) => renew(chart, data(answer, columns)));
     }
     this.describe();
   }
@@ -95,12 +95,21 @@ export class Trend {
         const values = this.answer.values[index].filter((value) => value !== null);
         if (values.length === 0) return `${label ?? name}: no values`;
         const [least, most] = [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
-        return `${label ?? name}: ${number(values.at(-1))} ${unit} last, ${number(least)} to ${number(most)} ${unit} in the last hour`;
+        return `${label ?? name}: ${number(values.at(-1))} ${written(unit)} last, ${number(least)} to ${number(most)} ${written(unit)} in the last hour`;
       });
       text(summary, told.join(". "));
       element.setAttribute("aria-label", `Chart. ${told.join(". ")}`);
     }
   }
+}
+
+/** Shows new data; a part that was zoomed into stays. */
+function renew(chart, next) {
+  const { min, max } = chart.scales.x;
+  const times = chart.data[0];
+  const is_zoomed = times.length > 0 && (min > times[0] || max < times.at(-1));
+  chart.setData(next, !is_zoomed);
+  if (is_zoomed) chart.redraw();
 }
 
 function data({ end_at_s, step_s, values }, columns) {
@@ -130,7 +139,7 @@ function options(unit, columns, width, height) {
     series: [
       { label: "Time", value: (_, at) => (at === null ? "–" : clock(at * 1000)) },
       ...columns.map(({ label, name, index }) => ({
-        label: `${label ?? name} (${unit})`,
+        label: `${label ?? name} (${written(unit)})`,
         stroke: colour(COLOURS[index % COLOURS.length]),
         width: 2,
         dash: name.includes("setpoint") ? [6, 4] : undefined,

@@ -1,0 +1,83 @@
+// Which drives are shown: all, those in one state, on one line or in one group, or those whose name or model has a word.
+
+import { attribute, h, number, show, words } from "./dom.js";
+import * as drives from "./drives.js";
+
+const COUNTED = ["tripped", "offline", "unknown", "running", "stopped"];
+const MOVING = new Set(["forward", "reverse", "running", "stopping"]);
+/** Fewer are seen at a glance. */
+const DRIVES_MIN = 5;
+
+let counts = null;
+let box = null;
+let input = null;
+let part = null;
+/** The drives that were in the chosen state when it was chosen: none comes or goes under a finger. */
+let chosen = null;
+let state = null;
+let written = "";
+
+/** Puts the box into `element` and the counts into `list`. */
+export function start(element, list) {
+  counts = list;
+  box = element;
+  input = h("input", { type: "search", placeholder: "Name or model", "aria-label": "Show drives with", autocomplete: "off", input: apply });
+  part = h("select", { "aria-label": "Show drives of", change: apply });
+  box.append(part, input);
+}
+
+/** Offers the lines and groups of these drives. */
+export function parts(all) {
+  const wanted = part.value;
+  const sorts = [["line", "Lines"], ["group", "Groups"]].map(([key, label]) => [key, label, [...new Set(all.map((drive) => drive[key]).filter(Boolean))].sort()]);
+  const options = sorts.filter(([key, , names]) => names.length > (key === "line" ? 1 : 0)).map(([key, label, names]) =>
+    h("optgroup", { label }, ...names.map((name) => h("option", { value: `${key}:${name}` }, name))));
+  part.replaceChildren(h("option", { value: "" }, "All lines and groups"), ...options);
+  part.value = wanted;
+  if (part.value !== wanted) part.value = "";
+  show(part, options.length > 0);
+  apply();
+}
+
+/** Counts the drives by their state. */
+export function count(all) {
+  const many = new Map(COUNTED.map((word) => [word, 0]));
+  for (const drive of all) many.set(counted_as(drive), (many.get(counted_as(drive)) ?? 0) + 1);
+  const shown = [...many].filter(([word, it]) => it > 0 || word === state);
+  const wanted = JSON.stringify([shown, state]);
+  show(box, all.length >= DRIVES_MIN || written !== "");
+  if (counts.dataset.shown === wanted) return;
+  counts.dataset.shown = wanted;
+  const focused = counts.contains(document.activeElement) ? document.activeElement.dataset.state : null;
+  counts.replaceChildren(...shown.map(([word, it]) => h("li", {}, button(word, it))));
+  if (focused) counts.querySelector(`button[data-state="${focused}"]`)?.focus();
+}
+
+function button(word, many) {
+  return h(
+    "button",
+    { type: "button", class: "count", "data-state": word, "aria-pressed": String(word === state), click: () => choose(word) },
+    h("b", {}, number(many)),
+    ` ${words(word)}`,
+  );
+}
+
+const counted_as = ({ run_state }) => (MOVING.has(run_state) ? "running" : run_state);
+
+/** Shows the drives that are in this state now; all, if it was chosen already. */
+function choose(word) {
+  state = word === state ? null : word;
+  const those = drives.all().filter((drive) => counted_as(drive) === state);
+  chosen = state === null ? null : new Set(those.map(({ name }) => name));
+  count(drives.all());
+  apply();
+}
+
+function apply() {
+  written = input.value.trim().toLowerCase();
+  const [key, name] = part.value.split(/:(.*)/s);
+  const texts = ({ name: called, line, group: of, vendor, title, model }) => [called, line, of, vendor, title, model].join(" ").toLowerCase();
+  const is_chosen = (drive) => (chosen === null || chosen.has(drive.name)) && (key === "" || drive[key] === name);
+  drives.filter((drive) => is_chosen(drive) && texts(drive).includes(written));
+  attribute(box, "data-filtered", chosen === null && written === "" && key === "" ? null : "");
+}

@@ -1,0 +1,43 @@
+// Notifications of the browser, for those who want them: each new problem, while the page is not looked at.
+
+import { attribute, h, show } from "./dom.js";
+
+const KEPT = "vfd-gateway-notify";
+/** More at once are told in one. */
+const SINGLE_MAX = 3;
+
+let button = null;
+let known = null;
+
+/** Puts the switch into `element`. A browser notifies only on a page that came over TLS or from this host. */
+export function start(element) {
+  button = h("button", { type: "button", class: "link", click: choose }, "Notify me");
+  show(button, "Notification" in window && isSecureContext);
+  element.append(button);
+  draw();
+}
+
+function is_on() {
+  return localStorage.getItem(KEPT) === "yes" && window.Notification?.permission === "granted";
+}
+
+async function choose() {
+  const wanted = !is_on() && (await Notification.requestPermission()) === "granted";
+  localStorage.setItem(KEPT, wanted ? "yes" : "no");
+  draw();
+}
+
+function draw() {
+  attribute(button, "aria-pressed", is_on());
+  button.textContent = is_on() ? "Notifications on" : "Notify me";
+  button.title = "Tell each new problem outside the page, while another page or program is in front";
+}
+
+/** These are the problems now, each as one sentence. What was there when the page was opened is not told. */
+export function problems(sentences) {
+  const fresh = known === null ? [] : sentences.filter((sentence) => !known.has(sentence));
+  known = new Set(sentences);
+  if (fresh.length === 0 || !is_on() || document.hasFocus()) return;
+  const told = fresh.length > SINGLE_MAX ? [`${fresh.length} new problems`] : fresh;
+  for (const body of told) new Notification(document.title, { body, icon: "assets/icon-problem.svg", tag: body });
+}

@@ -1,0 +1,96 @@
+// What is wrong or could be better: the worst and newest first, the same for many drives in one row.
+
+import { h, number, prose, shape, show, text, words } from "./dom.js";
+import * as notify from "./notify.js";
+
+const NAMES_MAX = 4;
+const RANKS = { problem: 0, hint: 1, good: 2 };
+/** Where a drive's own name is in a sentence that others share. */
+const NAME = "\u0000";
+
+const seen_at = new Map();
+let list = null;
+let outcome = null;
+let heading = null;
+let shown = "";
+
+/** Puts it into `element`, which keeps its height whatever is in it; `title` counts the problems. */
+export function start(element, title) {
+  heading = title;
+  outcome = h("div", { class: "outcome", id: "stop-results", role: "group", "aria-label": "Outcome of the stop for all", hidden: true });
+  list = h("ul", { class: "advice" });
+  element.append(outcome, list);
+}
+
+/** Shows what the gateway finds; returns how many problems there are. */
+export function advise(advice) {
+  const rows = folded(advice);
+  const urgent = advice.filter(({ severity }) => severity === "problem");
+  notify.problems(urgent.map(({ line, drive, text: sentence }) => [drive ?? line, sentence].filter(Boolean).join(" ")));
+  const problems = rows.filter(({ severity }) => severity === "problem").length;
+  const wanted = JSON.stringify(rows);
+  if (wanted === shown) return problems;
+  shown = wanted;
+  list.replaceChildren(...rows.map(row));
+  if (rows.length === 0) {
+    list.append(h("li", { class: "good" }, shape("good"), h("span", {}, "Nothing is wrong, and nothing to advise.")));
+  }
+  text(heading, problems === 0 ? "Problems and advice" : `Problems and advice (${number(problems)})`);
+  return problems;
+}
+
+/** Rows of equal findings, ranked. */
+function folded(advice) {
+  const rows = new Map();
+  const now = performance.now();
+  for (const { severity, sign, line, drive, text: sentence } of advice) {
+    const general = drive ? sentence.replaceAll(` ${drive}\``, ` ${NAME}\``) : sentence;
+    const key = [severity, sign, drive ? "" : line, general].join("|");
+    const row = rows.get(key) ?? { severity, sentence, of: [], at: 0 };
+    const own = `${key}|${drive}`;
+    if (!seen_at.has(own)) seen_at.set(own, now);
+    row.at = Math.max(row.at, seen_at.get(own));
+    row.of.push(drive ? { name: drive, id: `drive-${drive}` } : line ? { name: line, id: `line-${line}` } : null);
+    row.keys = [...(row.keys ?? []), own];
+    rows.set(key, row);
+  }
+  const present = new Set([...rows.values()].flatMap((row) => row.keys));
+  for (const key of seen_at.keys()) if (!present.has(key)) seen_at.delete(key);
+  // The gateway ranks what it finds; what it ranks equally is shown with the newest first.
+  return [...rows.values()]
+    .sort((one, other) => RANKS[one.severity] - RANKS[other.severity] || other.at - one.at)
+    .map(({ severity, sentence, of }) => ({ severity, sentence, of: of.filter(Boolean) }));
+}
+
+function row({ severity, sentence, of }) {
+  const kind = severity === "problem" ? "problem" : "advice";
+  const first = of.slice(0, NAMES_MAX);
+  const names = first.flatMap(({ name, id }, index) => [index > 0 ? ", " : "", h("a", { href: `#${id}` }, name)]);
+  const more = of.length > first.length ? ` and ${number(of.length - first.length)} more` : "";
+  const place = of.length > 0 ? h("b", {}, ...names, more) : null;
+  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${kind}: `), place, place ? " " : "", ...prose(sentence)));
+}
+
+/** Shows that a stop for all was sent. */
+export function stopping() {
+  tell(h("p", {}, h("b", {}, "STOP ALL"), " sent"));
+}
+
+/** Shows how it ended in one row, with the exceptions below; returns the sentence. */
+export function stopped(told, took_ms) {
+  const failed = told.filter(({ outcome: word }) => word !== "acknowledged" && word !== "confirmed");
+  const time = `${(took_ms / 1000).toFixed(1)} s`;
+  const sentence = `${number(told.length - failed.length)} of ${number(told.length)} drives took the stop in ${time}`;
+  const close = h("button", { type: "button", class: "link", click: () => show(outcome, false) }, "Close");
+  const rows = failed.map(({ drive, outcome: word, message, reason }) =>
+    h("li", { class: "bad" }, h("b", {}, drive), ` ${words(word)}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`));
+  const summary = h("p", { class: failed.length === 0 ? "good" : "bad" }, h("b", {}, "STOP ALL "), sentence, " ", close);
+  tell(summary, rows.length > 0 ? h("ul", {}, ...rows) : null);
+  return sentence;
+}
+
+function tell(...parts) {
+  outcome.replaceChildren(...parts.filter(Boolean));
+  show(outcome, true);
+  outcome.parentElement.scrollTop = 0;
+}

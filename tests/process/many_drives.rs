@@ -1,0 +1,186 @@
+//! The page with many drives, in a real browser: no stop moves, problems come first, and drives are found.
+
+use super::chromium::{Browser, Window};
+use super::looking::{CARD, PASSWORD, Shop, in_card, sign_in};
+use serde_json::Value;
+use std::path::Path;
+
+/// Beside the real one.
+const DRIVES: usize = 8;
+/// A row that is higher needs more of a phone than it is worth, in CSS pixels.
+const ROW_MAX: f64 = 72.0;
+
+/// A page of one real drive, with many more that are drawn by the page's own code.
+fn crowded(shop: &Shop) -> Browser {
+    let browser = shop.browser();
+    sign_in(&browser, PASSWORD);
+    browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
+    browser.wait_for_text(&in_card(".state"), "STOPPED");
+    let script = include_str!("crowd.js");
+    browser.script(&format!("return (async () => {{ {script}\n crowd({DRIVES}); return true; }})()"));
+    browser
+}
+
+fn resize(browser: &Browser, window: Window) {
+    browser.resize(window);
+    browser.wait(&format!("innerWidth === {}", window.width));
+    browser.script("scrollTo(0, 0)");
+}
+
+fn assert_no_stop_moves(browser: &Browser, layout: &str, stops_wanted: usize) {
+    let result = browser.script(&format!("return window.crowd.moved({DRIVES})"));
+    let stops: Vec<_> = result["stops"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+    assert_eq!(stops.len(), stops_wanted, "{layout}: {stops:?}");
+    assert_eq!(result["moved"], serde_json::json!([]), "{layout}");
+    println!("{layout}: {} stops stay through {} states", stops.len(), result["states"]);
+}
+
+#[test]
+fn no_stop_moves_whatever_the_drives_and_the_advice_do() {
+    let shop = Shop::open(true);
+    let browser = crowded(&shop);
+    // One for each drive, and the one for all.
+    let all = DRIVES + 2;
+    assert_no_stop_moves(&browser, "cards on a desktop", all);
+    browser.click("#layout button");
+    browser.wait("document.querySelector('#drives.rows') !== null");
+    assert_no_stop_moves(&browser, "rows on a desktop", all);
+    for window in [Window::PHONE, Window::NARROW] {
+        resize(&browser, window);
+        assert_no_stop_moves(&browser, "rows on a phone", all);
+        browser.click("#drive-d-1 a.open");
+        browser.wait("document.querySelector('#drive-d-1.whole') !== null");
+        assert_no_stop_moves(&browser, "an open drive on a phone", all);
+        browser.key("\u{E00C}", 0);
+        browser.wait("document.querySelector('.whole') === null");
+    }
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn on_a_phone_each_drive_is_a_row_that_opens_with_its_stop_at_the_thumb() {
+    let shop = Shop::open(true);
+    let browser = crowded(&shop);
+    resize(&browser, Window::PHONE);
+    let rows = browser.script(
+        "return [...document.querySelectorAll('.drive')].map((row) => ({ height: row.getBoundingClientRect().height, \
+         seen: ['.state', '.output', '.stop'].every((css) => row.querySelector(css).checkVisibility()) }))",
+    );
+    for row in rows.as_array().unwrap() {
+        assert!(row["height"].as_f64().unwrap() < ROW_MAX && row["seen"] == true, "{row}");
+    }
+    let sent = "return performance.getEntriesByType('resource').filter((it) => it.name.includes('/command')).length";
+    browser.click(&in_card("a.open"));
+    browser.wait(&format!("document.querySelector('{CARD}.whole') !== null"));
+    browser.wait_for_text(&in_card(".age"), "values up to");
+    let middle = "const { top, height } = document.querySelector('#drive-pump-1 .stop').getBoundingClientRect(); \
+                  return (top + height / 2) / innerHeight";
+    let middle = browser.script(middle).as_f64().unwrap();
+    assert!((0.8..1.0).contains(&middle), "{middle}");
+    let covers = "const { left, top, width, height } = document.querySelector('#drive-pump-1').getBoundingClientRect(); \
+                  return [left, top, width - innerWidth, height - innerHeight]";
+    assert_eq!(browser.script(covers), serde_json::json!([0, 0, 0, 0]));
+    browser.key("\u{E00C}", 0);
+    browser.wait("document.querySelector('.whole') === null");
+    assert_eq!(browser.script(sent), 0, "Escape sends nothing");
+    assert_eq!(browser.script("return document.activeElement.textContent"), "pump-1");
+}
+
+#[test]
+fn drives_are_found_by_state_line_group_and_name() {
+    let shop = Shop::open(true);
+    let browser = crowded(&shop);
+    let seen = || -> Vec<String> {
+        let names = browser.script(
+            "return [...document.querySelectorAll('.drive')].filter((it) => it.checkVisibility()).map((it) => it.id.slice(6))",
+        );
+        names.as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(seen().len(), DRIVES + 1);
+    browser.fill("#filter input", "D-3");
+    assert_eq!(seen(), ["d-3"]);
+    browser.script(
+        "const input = document.querySelector('#filter input'); input.value = ''; input.dispatchEvent(new Event('input'))",
+    );
+    let choose = |value: &str| {
+        browser.script(&format!(
+            "const part = document.querySelector('#filter select'); part.value = {value:?}; \
+             part.dispatchEvent(new Event('change'))"
+        ));
+    };
+    choose("line:hall-2");
+    assert_eq!(seen(), ["d-2", "d-4", "d-6", "d-8"]);
+    choose("group:water");
+    assert_eq!(seen(), ["d-1", "d-4", "d-7"]);
+    choose("");
+    browser.script(
+        "window.crowd.drives.update([window.crowd.in_state('d-5', 'tripped')]); \
+         const { drives } = window.crowd; return import('/assets/filter.js').then((it) => it.count(drives.all()))",
+    );
+    browser.click("#counts [data-state='tripped']");
+    assert_eq!(seen(), ["d-5"]);
+    browser.click("#counts [data-state='tripped']");
+    browser.script(
+        "const order = document.querySelector('#layout select'); order.value = 'state'; \
+         order.dispatchEvent(new Event('change'))",
+    );
+    assert_eq!(seen()[0], "d-5", "the worst is the first");
+    browser.script("window.crowd.drives.update([window.crowd.in_state('d-6', 'tripped')])");
+    assert_ne!(seen()[1], "d-6", "none moves by itself");
+}
+
+#[test]
+fn problems_come_first_in_one_row_for_equal_ones_and_in_the_title() {
+    let mut shop = Shop::open(true);
+    let browser = crowded(&shop);
+    browser.wait("document.title === 'shop · VFD gateway'");
+    browser.script(
+        "window.crowd.problems.advise(['d-1', 'd-2', 'd-3', 'd-4', 'd-5'].map((drive) => ({ severity: 'hint', sign: 'watchdog', \
+         line: 'hall-1', drive, text: 'its watchdog is off; `vfd-gateway enable ' + drive + '`' })))",
+    );
+    let rows = browser.script("return document.querySelectorAll('#advice .advice li').length");
+    assert_eq!(rows, 1);
+    let row = browser.text("#advice .advice li");
+    assert!(row.contains("d-1, d-2, d-3, d-4 and 1 more"), "{row}");
+    shop.drive.type_line("");
+    browser.wait_for_text(&in_card(".state"), "TRIPPED");
+    browser.wait("document.title.startsWith('(1!) shop')");
+    browser.wait("document.getElementById('icon').href.endsWith('icon-problem.svg')");
+    let first: Value = browser.script("return document.querySelector('#advice .advice li a').getAttribute('href')");
+    assert_eq!(first, "#drive-pump-1");
+}
+
+/// What axe finds: barriers for people who do not see or do not point.
+fn barriers(browser: &Browser) -> Value {
+    let run = "return axe.run(document, { resultTypes: ['violations'] }).then((it) => it.violations.map((one) => \
+               `${one.id}: ${one.nodes.map((node) => node.html).slice(0, 3).join(' | ')}`))";
+    browser.script(run)
+}
+
+#[test]
+fn axe_finds_no_barrier_in_any_state_layout_and_scheme_of_colours() {
+    let shop = Shop::open(true);
+    let browser = crowded(&shop);
+    let axe = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/process/npm/node_modules/axe-core/axe.min.js");
+    browser.script(&std::fs::read_to_string(axe).expect("axe-core, which tests/run installs"));
+    browser.script(
+        "const states = ['running', 'stopping', 'inhibited', 'pending', 'not effective', 'tripped', 'warned', 'offline']; \
+         window.crowd.drives.update(states.map((state, index) => window.crowd.in_state(`d-${index + 1}`, state)))",
+    );
+    let desktop = Window::DESKTOP;
+    for window in [desktop, desktop.dark(), Window::PHONE, Window::PHONE.dark()] {
+        resize(&browser, window);
+        for panel in ["trend", "journal", "traffic", "report"] {
+            browser.click(&format!("#tab-{panel}"));
+            browser.wait(&format!("document.getElementById('{panel}').checkVisibility()"));
+            assert_eq!(barriers(&browser), serde_json::json!([]), "{panel}, {} wide", window.width);
+        }
+    }
+    browser.click("#drive-d-6 a.open");
+    browser.wait("document.querySelector('#drive-d-6.whole') !== null");
+    assert_eq!(barriers(&browser), serde_json::json!([]), "an open drive");
+    browser.key("\u{E00C}", 0);
+    resize(&browser, desktop);
+    browser.click("#layout button");
+    assert_eq!(barriers(&browser), serde_json::json!([]), "rows on a desktop");
+}
