@@ -51,6 +51,7 @@ pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) ->
         model: Arc::clone(model),
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
+        group: None,
         pace: vfd_gateway::drive::plan::Pace::new(Duration::from_millis(500), 1.0),
         ratings: Ratings::default(),
         control: has_control.then(|| Arc::new(control())),

@@ -181,6 +181,7 @@ fn description_of(place: u16, drive: &Drive) -> DriveDescription {
         model: model_of(drive.kind),
         unit: UnitId::new(drive.unit).expect("a unit"),
         uniform_unit: UnitId::new(drive.uniform).expect("a unit"),
+        group: None,
         pace: vfd_gateway::drive::plan::Pace::new(Duration::from_nanos(drive.poll), 1.0),
         ratings: Ratings::default(),
         control: control_of(drive).map(Arc::new),
