@@ -2,6 +2,7 @@
 
 use super::broker::Address;
 use super::ready::{PortAddress, Removal, Silence};
+use super::ready_http::Viewers;
 use super::words::{RoleRight, Way};
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
@@ -10,6 +11,7 @@ use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
 use crate::north::broker::{Qos, Version};
 use crate::north::mqtt::{Combined, LeaseMode, Tree};
+use crate::north::operator::rights::Role;
 use crate::profile::register::RegisterFile;
 use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
 use ipnet::IpNet;
@@ -231,6 +233,7 @@ pub(super) struct HttpFile {
     pub listen: RequiredKey<SocketAddr>,
     pub allow: OptionalKey<Vec<IpNet>>,
     pub hosts: OptionalKey<Vec<Spanned<String>>>,
+    pub view: OptionalKey<Viewers>,
     pub users: Vec<HttpUserFile>,
     pub tls: OptionalKey<HttpTlsFile>,
 }
@@ -242,6 +245,8 @@ pub(super) struct HttpUserFile {
     pub name: RequiredKey<CommanderName>,
     pub password_hash: OptionalKey<String>,
     pub password_hash_file: OptionalKey<PathBuf>,
+    pub role: OptionalKey<Role>,
+    pub groups: OptionalKey<Vec<Spanned<Name>>>,
 }
 
 /// `[http.tls]`

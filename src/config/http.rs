@@ -3,11 +3,13 @@
 use super::file::{File, HttpFile, HttpUserFile};
 use super::host::host_and_port;
 use super::listen::{guarded, is_loopback};
-pub use super::ready_http::{HashSource, HttpSettings, HttpTls, UserSettings};
+pub use super::ready_http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 use super::words::Way;
 use crate::domain::problem::Problem;
 use crate::north::operator::password::StoredHash;
+use crate::north::operator::rights::{Rights, Role};
 use crate::toml_file::{Location, OptionalKey, Spanned};
+use std::collections::BTreeSet;
 
 /// Maximum number of users. A person has one name, and a gateway has few operators.
 const USERS_MAX: usize = 64;
@@ -18,6 +20,8 @@ pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) 
     users_are_protected(http, problems);
     users_command(http, file, problems);
     names_are_unique(&http.users, problems);
+    viewers_can_sign_in(http, problems);
+    groups_exist(http, file, problems);
     let hosts = hosts(&http.hosts, problems);
     let users: Vec<_> = http.users.iter().map(|user| ready_user(user, problems)).collect();
     let tls = match &http.tls {
@@ -32,6 +36,7 @@ pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) 
         listen: http.listen.as_ref()?.value,
         allow: http.allow.clone().optional()?,
         hosts: hosts?,
+        view: http.view.or(Viewers::Anyone)?,
         users: users.into_iter().collect::<Option<_>>()?,
         tls,
     })
@@ -54,13 +59,40 @@ fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
         OptionalKey::Invalid => true,
         OptionalKey::Valid(control) => control.value.from.is_none() || control.value.names(Way::Page).is_some(),
     };
-    if !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control)) {
+    // Where one has to sign in to look, a user has an effect without any control.
+    let is_private = matches!(&http.view, OptionalKey::Valid(view) if view.value == Viewers::SignedIn);
+    if !is_private && !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control)) {
         let problem = user.location.problem("has no effect: no drive takes commands from \"page\"");
         let right = "`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`";
         problems.push(problem.right(right).warning());
     }
     if let Some(user) = http.users.get(USERS_MAX) {
         problems.push(user.location.problem("there are too many users").right(format!("at most {USERS_MAX}")));
+    }
+}
+
+/// Whoever has to sign in needs a user.
+fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
+    let OptionalKey::Valid(view) = &http.view else { return };
+    if view.value == Viewers::SignedIn && http.users.is_empty() {
+        let problem = view.location.problem("nobody can sign in: there are no `users`");
+        problems
+            .push(problem.right("a `[[http.users]]`, with `role = \"view\"` for one who only looks, or \"anyone\""));
+    }
+}
+
+/// A group without a drive is a misspelt one.
+fn groups_exist(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
+    let drives = || file.lines.iter().flat_map(|line| &line.drives);
+    let known: BTreeSet<_> = drives().filter_map(|drive| drive.group.clone().optional().flatten()).collect();
+    for user in &http.users {
+        let OptionalKey::Valid(groups) = &user.groups else { continue };
+        for group in groups.value.iter().filter(|group| !known.contains(&group.value)) {
+            let problem = group.location.problem(format!("no drive is in the group `{}`", group.value));
+            let list: Vec<_> = known.iter().map(|name| format!("\"{name}\"")).collect();
+            let right = if list.is_empty() { "`group` in a `[[line.drive]]`".to_owned() } else { list.join(", ") };
+            problems.push(problem.right(right));
+        }
     }
 }
 
@@ -106,7 +138,13 @@ fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSe
         }
         _ => None,
     };
-    Some(UserSettings { name: user.name.as_ref()?.value, hash: hash? })
+    let groups = match &user.groups {
+        OptionalKey::Absent => None,
+        OptionalKey::Invalid => return None,
+        OptionalKey::Valid(groups) => Some(groups.value.iter().map(|group| group.value.clone()).collect()),
+    };
+    let rights = Rights { role: user.role.or(Role::Maintain)?, groups };
+    Some(UserSettings { name: user.name.as_ref()?.value, hash: hash?, rights })
 }
 
 fn one_is_needed(location: &Location, what: &str, problems: &mut Vec<Problem>) {

@@ -43,7 +43,7 @@ pub mod words;
 
 pub use acceptance::is_unproven;
 pub use control::why_not as why_not_controlled;
-pub use http::{HashSource, HttpSettings, HttpTls, UserSettings};
+pub use http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{

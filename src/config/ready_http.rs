@@ -2,6 +2,7 @@
 
 use crate::domain::ids::CommanderName;
 use crate::north::operator::password::StoredHash;
+use crate::north::operator::rights::Rights;
 use ipnet::IpNet;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -15,10 +16,21 @@ pub struct HttpSettings {
     pub allow: Option<Vec<IpNet>>,
     /// Additional host names for browsers, besides addresses and the host's own name, in lower case.
     pub hosts: Vec<String>,
+    /// Who sees the drives.
+    pub view: Viewers,
     /// Users that may sign in and command. Empty: the page is read-only. Only on loopback or with TLS.
     pub users: Vec<UserSettings>,
     /// TLS settings. `None`: connections are not encrypted.
     pub tls: Option<HttpTls>,
+}
+
+/// Who sees the drives on the page and below `/api/v1/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Viewers {
+    /// Every client that may connect.
+    Anyone,
+    /// Users who have signed in.
+    SignedIn,
 }
 
 /// A user who may sign in on the page.
@@ -28,6 +40,8 @@ pub struct UserSettings {
     pub name: CommanderName,
     /// The password as a hash.
     pub hash: HashSource,
+    /// What they may do.
+    pub rights: Rights,
 }
 
 /// The source of a password's hash.

@@ -1,10 +1,12 @@
 //! Words that only the configuration uses: one table each, for reading and printing.
 
 use super::ready::Removal;
+use super::ready_http::Viewers;
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::north::mqtt::{Combined, LeaseMode, Tree};
+use crate::north::operator::rights::Role;
 
 /// An interface that accepts commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +58,23 @@ impl RoleRight {
 
 /// Rights of roles.
 pub const ROLE_RIGHTS: [(&str, RoleRight); 2] = [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
+
+/// Roles of the page's users.
+pub const ROLES: [(&str, Role); 3] =
+    [(Role::View.word(), Role::View), (Role::Operate.word(), Role::Operate), (Role::Maintain.word(), Role::Maintain)];
+
+/// Who sees the drives on the page.
+pub const VIEWERS: [(&str, Viewers); 2] = [("anyone", Viewers::Anyone), ("signed-in", Viewers::SignedIn)];
+
+impl Viewers {
+    /// Its meaning, for messages.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Anyone => "every client in `allow`",
+            Self::SignedIn => "users who have signed in",
+        }
+    }
+}
 
 /// Directions.
 pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];

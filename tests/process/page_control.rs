@@ -128,7 +128,10 @@ fn without_users_the_page_commands_nothing() {
     let mut browser = Browser::new(plant.http);
     let session = browser.get("/api/v1/session");
     let moment = session.json()["moment"].clone();
-    assert_eq!(session.json(), json!({ "enabled": false, "user": null, "token": null, "moment": moment }));
+    assert_eq!(
+        session.json(),
+        json!({ "enabled": false, "private": false, "user": null, "token": null, "moment": moment })
+    );
     for (name, value) in
         [("cache-control", "no-store"), ("x-content-type-options", "nosniff"), ("referrer-policy", "no-referrer")]
     {
@@ -159,7 +162,10 @@ fn who_signs_in_commands_under_a_name_of_their_own() {
     assert!(cookie.ends_with("; HttpOnly; SameSite=Strict; Path=/"), "{cookie}");
     let session = anna.get("/api/v1/session").json();
     let moment = session["moment"].as_str().unwrap();
-    assert_eq!(session, json!({ "enabled": true, "user": "anna", "token": anna.token, "moment": moment }));
+    let mut right = json!({ "enabled": true, "private": false, "user": "anna", "role": "maintain", "groups": null });
+    right["token"] = anna.token.as_str().into();
+    right["moment"] = moment.into();
+    assert_eq!(session, right);
     refused_on_the_way(&plant, &anna);
 
     start(&plant, &anna);

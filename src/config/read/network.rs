@@ -2,11 +2,13 @@
 
 use super::super::file::{HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile};
 use super::super::keys::Section;
-use super::super::words::{ROLE_RIGHTS, RoleRight};
+use super::super::ready_http::Viewers;
+use super::super::words::{ROLE_RIGHTS, ROLES, RoleRight, VIEWERS};
 use super::tables::{absolute_path, each, inner, refuse_not_served, turned};
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::problem::Problem;
 use crate::north::modbus::Slots;
+use crate::north::operator::rights::Role;
 use crate::toml_file::values::Kind;
 use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
 use ipnet::IpNet;
@@ -68,6 +70,7 @@ pub(super) fn read_http(mut reader: Reader<'_, '_>) -> HttpFile {
         listen: reader.required("listen", &address("8080")),
         allow: read_allow(&mut reader),
         hosts: reader.list("hosts", &Kind::text()),
+        view: reader.optional("view", &Kind::choice(&VIEWERS, Viewers::meaning)),
         users: each(&mut reader, "users", read_user),
         tls: inner(&mut reader, "tls", read_http_tls),
     };
@@ -84,6 +87,8 @@ fn read_user(mut reader: Reader<'_, '_>) -> HttpUserFile {
         name: reader.required("name", &Kind::parsed(right, CommanderName::new)),
         password_hash: reader.optional("password_hash", &Kind::text()),
         password_hash_file: reader.optional("password_hash_file", &absolute_path()),
+        role: reader.optional("role", &Kind::choice(&ROLES, Role::meaning)),
+        groups: reader.list("groups", &super::name_kind()),
     };
     reader.finish();
     user

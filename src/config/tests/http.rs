@@ -1,7 +1,9 @@
 //! The HTTP listener: who reaches it, by which names, and who may sign in there.
 
 use super::*;
-use crate::config::{HashSource, HttpSettings};
+use crate::config::{HashSource, HttpSettings, Viewers};
+use crate::domain::ids::Name;
+use crate::north::operator::rights::{Rights, Role};
 use std::path::PathBuf;
 
 /// Of "correct horse".
@@ -129,4 +131,24 @@ fn users_and_drives_go_together() {
         "http.users[0]: has no effect: no drive takes commands from \"page\"; \
          `from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`",
     );
+}
+
+#[test]
+fn a_user_has_a_role_and_groups_that_exist() {
+    let found = http(&with_user(&anna()));
+    assert_eq!(found.view, Viewers::Anyone);
+    assert_eq!(found.users[0].rights, Rights { role: Role::Maintain, groups: None });
+    let of = |more: &str| {
+        with(&with_user(&format!("{}\n{more}", anna())), "station = 1\n", "station = 1\ngroup = 'water'\n")
+    };
+    let rights = http(&of("role = 'operate'\ngroups = ['water']")).users[0].rights.clone();
+    assert_eq!(rights, Rights { role: Role::Operate, groups: Some([Name::new("water").unwrap()].into()) });
+    let wrong = problems(&of("role = 'admin'\ngroups = ['air']"));
+    assert!(wrong.iter().any(|it| it.contains("`admin` is not an allowed value")), "{wrong:?}");
+    assert!(
+        wrong.iter().any(|it| it.contains("no drive is in the group `air`") && it.contains("\"water\"")),
+        "{wrong:?}"
+    );
+    let nobody = problems(&with_http("listen = '127.0.0.1:8080'\nview = 'signed-in'"));
+    assert!(nobody.iter().any(|it| it.contains("nobody can sign in")), "{nobody:?}");
 }

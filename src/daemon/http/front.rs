@@ -1,12 +1,13 @@
 //! What the HTTP listener requires of clients, ready to use: networks, host names, users and a certificate.
 
-use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
+use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 use crate::daemon::host::authority;
 use crate::daemon::host::pem_files::{certificates, key};
 use crate::daemon::host::secret_files;
 use crate::domain::ids::CommanderName;
 use crate::guard::access::is_in;
 use crate::north::operator::password::StoredHash;
+use crate::north::operator::rights::Rights;
 use ipnet::IpNet;
 use rustix::system::uname;
 use rustls::ServerConfig;
@@ -22,6 +23,8 @@ pub struct Front {
     allow: Option<Vec<IpNet>>,
     hosts: Vec<String>,
     users: Vec<User>,
+    /// Only users who have signed in see the drives.
+    is_private: bool,
     tls: Option<Tls>,
 }
 
@@ -41,6 +44,8 @@ pub struct User {
     pub name: CommanderName,
     /// The password.
     pub hash: StoredHash,
+    /// What the user may do.
+    pub rights: Rights,
 }
 
 impl Front {
@@ -54,7 +59,8 @@ impl Front {
         let users = users.collect();
         let tls = settings.tls.as_ref().and_then(|tls| read_tls(tls).map_err(|why| problems.push(why)).ok());
         if problems.is_empty() {
-            Ok(Self { allow: settings.allow.clone(), hosts: hosts(&settings.hosts), users, tls })
+            let is_private = settings.view == Viewers::SignedIn;
+            Ok(Self { allow: settings.allow.clone(), hosts: hosts(&settings.hosts), users, is_private, tls })
         } else {
             Err(problems.join("; "))
         }
@@ -80,6 +86,16 @@ impl Front {
         &self.users
     }
 
+    /// What `user` may do; `None` if there is no such user.
+    pub(super) fn rights(&self, user: CommanderName) -> Option<&Rights> {
+        self.users.iter().find(|it| it.name == user).map(|it| &it.rights)
+    }
+
+    /// Whether only users who have signed in see the drives.
+    pub(super) const fn is_private(&self) -> bool {
+        self.is_private
+    }
+
     /// Whether `user` has the same password as in `other`.
     pub(super) fn knows_as(&self, other: &Self, user: CommanderName) -> bool {
         let hash = |front: &Self| front.users.iter().find(|it| it.name == user).map(|it| it.hash.clone());
@@ -101,7 +117,7 @@ fn read_user(user: &UserSettings) -> Result<User, String> {
         HashSource::Text(hash) => hash.clone(),
         HashSource::File(path) => read_hash(path).map_err(|why| format!("{}: {why}", path.display()))?,
     };
-    Ok(User { name: user.name, hash })
+    Ok(User { name: user.name, hash, rights: user.rights.clone() })
 }
 
 fn read_hash(path: &Path) -> Result<StoredHash, String> {

@@ -6,4 +6,5 @@ pub mod body;
 pub mod moments;
 pub mod password;
 pub mod request;
+pub mod rights;
 pub mod sessions;

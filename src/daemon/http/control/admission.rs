@@ -8,15 +8,18 @@ use crate::domain::ids::CommanderName;
 use crate::north::operator::body::BODY_BYTES_MAX;
 use crate::north::operator::moments::Old;
 use crate::north::operator::request::{is_own_page, key_text, session_id};
+use crate::north::operator::rights::Rights;
 use crate::north::operator::sessions::Key;
 use axum::body::{Body, Bytes, HttpBody};
-use axum::extract::Request;
+use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::Next;
 use axum::response::Response;
 use bytes::BytesMut;
 use ring::digest::{Context, SHA256};
 use std::future::poll_fn;
 use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::timeout;
 
@@ -33,6 +36,8 @@ pub(super) type Refused = Box<Response>;
 /// A request of a signed-in user.
 pub(super) struct Admitted {
     pub user: CommanderName,
+    /// What the user may do.
+    pub rights: Rights,
     /// The body, up to the longest allowed length.
     pub body: Bytes,
     /// Why the request may be old, if it may. If so, only a stop is executed.
@@ -117,7 +122,8 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
     let named = parts.headers.get(MOMENT_HEADER).map(header::HeaderValue::as_bytes);
     let old = control.moments.review(named, begun, clock::now()).err();
     let user = control.sessions().used(clock::now(), &key).ok_or_else(signed_out)?;
-    Ok(Admitted { user, body, old, flaw, key })
+    let rights = control.front.load().rights(user).cloned().ok_or_else(signed_out)?;
+    Ok(Admitted { user, rights, body, old, flaw, key })
 }
 
 /// Whether any user can sign in.
@@ -187,4 +193,24 @@ async fn collect(body: Body, bytes: &mut BytesMut) -> bool {
         }
     }
     true
+}
+
+/// Lets a client see the drives only after it has signed in, where that is configured. The page itself is shown to everybody: it
+/// holds nothing of the plant, and one signs in there.
+pub async fn view(State(control): State<Arc<Control>>, request: Request, next: Next) -> Response {
+    if control.front.load().is_private() && is_of_plant(&request) && !is_signed_in(&control, &request) {
+        return refusal(StatusCode::UNAUTHORIZED, "sign in first: this gateway shows its drives to users only");
+    }
+    next.run(request).await
+}
+
+/// Whether it asks for something of the drives.
+fn is_of_plant(request: &Request) -> bool {
+    let path = request.uri().path();
+    path.starts_with("/api/v1/") && path != "/api/v1/session"
+}
+
+fn is_signed_in(control: &Control, request: &Request) -> bool {
+    let user = |id| control.sessions().user(clock::now(), &key_of(&id));
+    id_in(request.headers()).and_then(user).is_some()
 }

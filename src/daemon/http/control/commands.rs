@@ -28,7 +28,7 @@ pub(super) async fn command(
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
-    let Admitted { user, body, old, flaw, .. } = match admit(&control, request).await {
+    let Admitted { user, rights, body, old, flaw, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -49,8 +49,20 @@ pub(super) async fn command(
         keep(Reason::UnknownDrive);
         return unknown(&control, &name);
     };
+    let is_allowed = rights.may_command(drive.description.group.as_ref());
+    if !is_allowed && !(rights.may_stop() && stop_in(&body).is_some()) {
+        keep(Reason::NotAllowed);
+        return not_allowed(drive);
+    }
     match wish(&body) {
-        Ok(wish) => {
+        Ok(mut wish) => {
+            if !is_allowed {
+                // What stands beside the stop is not this user's to order.
+                wish.takes = false;
+                if let Some(Order::Stop { setpoint }) = &mut wish.order {
+                    *setpoint = None;
+                }
+            }
             let old = old.filter(|_| !wish.order.as_ref().is_some_and(Order::is_stop)).map(|old| old.to_string());
             let (report, message) = match old {
                 Some(old) => {
@@ -96,7 +108,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
 
 /// Renews the lease of the signed-in user.
 pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
-    let Admitted { user, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
+    let Admitted { user, rights, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -104,6 +116,9 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
         return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
     }
     let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
+    if !rights.may_command(drive.description.group.as_ref()) {
+        return not_allowed(&drive);
+    }
     let report = match old {
         None => control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await,
         Some(_) => Report::refused(Reason::Stale),
@@ -119,21 +134,23 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
 /// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together,
 /// so that it can stop its drives with one frame.
 pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
-    let Admitted { user, body, flaw, .. } = match admit(&control, request).await {
+    let Admitted { user, rights, body, flaw, .. } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
     let who = Who::signed_in(user);
     let shared = control.side.shared();
     let order = Order::Stop { setpoint: None };
-    let is_ours = |drive: &&Arc<SharedDrive>| drive.description.control.as_ref().is_some_and(|it| it.from_page);
+    let is_ours = |drive: &&Arc<SharedDrive>| {
+        rights.may_stop() && drive.description.control.as_ref().is_some_and(|it| it.from_page)
+    };
     let drives: Vec<_> = shared.drives.iter().filter(is_ours).collect();
     let places: Vec<_> = drives.iter().map(|drive| drive.description.place).collect();
     let ordered = control.side.stop_all(who, &places);
     tracing::info!(%user, drives = ordered.len(), "STOP of all drives from the page");
     if ordered.is_empty() {
-        control.side.keep(who, None, Tried::Order(order), Report::refused(Reason::ReadOnly));
-        return refusal(StatusCode::CONFLICT, "no drive takes commands from the page");
+        control.side.keep(who, None, Tried::Order(order), Report::refused(Reason::NotAllowed));
+        return refusal(StatusCode::CONFLICT, "there is no drive that you may stop from the page");
     }
     let mut ends = Vec::with_capacity(drives.len());
     for (drive, ordered) in drives.into_iter().zip(ordered) {
@@ -144,6 +161,12 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
         answer["message"] = "the stop was taken all the same: an empty body is expected: {}".into();
     }
     json(&answer).into_response()
+}
+
+fn not_allowed(drive: &SharedDrive) -> Response {
+    let mut answer = told(drive, Report::refused(Reason::NotAllowed));
+    answer["error"] = "your role or your groups in [[http.users]] do not allow this".into();
+    (StatusCode::FORBIDDEN, json(&answer)).into_response()
 }
 
 /// The outcome of an order.

@@ -8,6 +8,7 @@ mod sign_in;
 #[cfg(test)]
 mod tests;
 
+pub(super) use admission::view;
 pub(super) use routes::router;
 
 use super::front::Front;

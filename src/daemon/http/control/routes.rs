@@ -2,9 +2,11 @@
 
 use super::admission::admit;
 use super::{Control, commands, sign_in};
+use crate::daemon::http::answers::refusal;
 use crate::daemon::http::diagnostics::{Diagnostics, answer};
 use axum::Router;
 use axum::extract::{Request, State};
+use axum::http::StatusCode;
 use axum::response::Response;
 use axum::routing::{get, post};
 use std::sync::Arc;
@@ -26,6 +28,9 @@ type ForUsers = (Arc<Control>, Arc<Diagnostics>);
 
 async fn diagnostics_for_user(State((control, diagnostics)): State<ForUsers>, request: Request) -> Response {
     match admit(&control, request).await.and_then(super::admission::Admitted::whole) {
+        Ok(admitted) if !admitted.rights.may_maintain() => {
+            refusal(StatusCode::FORBIDDEN, "diagnostics need the role `maintain`")
+        }
         Ok(admitted) => {
             tracing::info!(user = %admitted.user, "diagnostics made for the page");
             answer(&diagnostics).await

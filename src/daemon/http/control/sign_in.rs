@@ -5,8 +5,8 @@ use super::admission::{Refused, admit, comes_from_own_page, id_in, is_possible, 
 use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
 use crate::daemon::http::entrance::Peer;
-use crate::daemon::http::front::User;
-use crate::domain::ids::CommanderName;
+use crate::daemon::http::front::{Front, User};
+use crate::domain::ids::{CommanderName, Name};
 use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
 use crate::north::operator::request::{COOKIE, key_text};
 use crate::north::operator::sessions::Key;
@@ -25,13 +25,28 @@ const VERIFIED_WITHIN: Duration = Duration::from_secs(5);
 
 /// Whether control is possible, who is signed in, and the moment for the next order.
 pub(super) async fn session(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
-    let is_enabled = !control.front.load().users().is_empty();
+    let front = control.front.load_full();
+    let is_enabled = !front.users().is_empty();
     let id = id_in(&headers).filter(|_| is_enabled);
-    let user = |id: &Key| control.sessions().user(clock::now(), &key_of(id));
-    let of = id.and_then(|id| Some((user(&id)?, token_of(&id))));
-    let (user, token) = of.map_or((Value::Null, Value::Null), |(user, token)| (user.as_str().into(), token.into()));
-    let moment = control.moments.at(clock::now());
-    json(&json!({ "enabled": is_enabled, "user": user, "token": token, "moment": moment })).into_response()
+    let user = id.and_then(|id| Some((control.sessions().user(clock::now(), &key_of(&id))?, token_of(&id))));
+    let mut answer =
+        user.map_or(json!({ "user": null, "token": null }), |(user, token)| signed_in_as(&front, user, token));
+    answer["enabled"] = is_enabled.into();
+    answer["private"] = front.is_private().into();
+    answer["moment"] = control.moments.at(clock::now()).into();
+    json(&answer).into_response()
+}
+
+/// Who is signed in, what this user may do, and the token that the user's requests carry.
+fn signed_in_as(front: &Front, user: CommanderName, token: String) -> Value {
+    let rights = front.rights(user);
+    let groups = rights.and_then(|rights| rights.groups.as_ref());
+    json!({
+        "user": user.as_str(),
+        "role": rights.map(|rights| rights.role.word()),
+        "groups": groups.map(|groups| groups.iter().map(Name::as_str).collect::<Vec<_>>()),
+        "token": token,
+    })
 }
 
 /// Signs in.
@@ -65,9 +80,9 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     }
     control.sessions().open(clock::now(), key_of(&id), user);
     tracing::info!(%user, %peer, "signed in on the page");
-    let mut answer =
-        json(&json!({ "user": user.as_str(), "token": token_of(&id), "moment": control.moments.at(clock::now()) }))
-            .into_response();
+    let mut answer = signed_in_as(&control.front.load(), user, token_of(&id));
+    answer["moment"] = control.moments.at(clock::now()).into();
+    let mut answer = json(&answer).into_response();
     set_cookie(control, &mut answer, &key_text(&id), "");
     Ok(answer)
 }
@@ -91,7 +106,9 @@ async fn verified(control: &Control, name: &str, password: String) -> Result<Opt
     let Ok(Ok(place)) = place else { return Err(busy()) };
     let front = control.front.load_full();
     let known = front.users().iter().find(|user| user.name.as_str() == name).cloned();
-    let Some(User { name, hash }) = known.clone().or_else(|| front.users().first().cloned()) else { return Ok(None) };
+    let Some(User { name, hash, .. }) = known.clone().or_else(|| front.users().first().cloned()) else {
+        return Ok(None);
+    };
     let matches = tokio::task::spawn_blocking(move || {
         let _place = place;
         hash.matches(&password)

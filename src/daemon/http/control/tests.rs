@@ -3,7 +3,7 @@
 use super::super::front::Front;
 use super::super::tests::{on_a_runtime, state};
 use super::Control;
-use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings};
+use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 use crate::daemon::exchange::answers::{AnswerBox, News};
 use crate::daemon::exchange::inbox::Message;
 use crate::daemon::exchange::shared::Shared;
@@ -14,10 +14,11 @@ use crate::daemon::testing::Dir;
 use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Owner, Reason, Report};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
-use crate::domain::ids::CommanderName;
+use crate::domain::ids::{CommanderName, Name};
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::operator::moments::{AGE_MAX, Moments};
 use crate::north::operator::password::StoredHash;
+use crate::north::operator::rights::{Rights, Role};
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
 use std::net::SocketAddr;
@@ -36,11 +37,17 @@ fn hash() -> StoredHash {
 }
 
 fn settings(users: &[&str]) -> HttpSettings {
-    let user = |name: &&str| UserSettings { name: CommanderName::new(name).unwrap(), hash: HashSource::Text(hash()) };
+    let rights = Rights { role: Role::Maintain, groups: None };
+    let user = |name: &&str| UserSettings {
+        name: CommanderName::new(name).unwrap(),
+        hash: HashSource::Text(hash()),
+        rights: rights.clone(),
+    };
     HttpSettings {
         listen: "127.0.0.1:0".parse().unwrap(),
         allow: None,
         hosts: vec!["gw.example".to_owned()],
+        view: Viewers::Anyone,
         users: users.iter().map(user).collect(),
         tls: None,
     }
@@ -281,6 +288,49 @@ fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
                 assert_eq!((status, house.heard.borrow_mut().drain(..).count()), (200, 1), "{path} {body}: {told}");
             }
         }
+    });
+}
+
+#[test]
+fn a_role_and_groups_say_what_a_user_may_do_and_a_private_gateway_shows_nothing_before() {
+    on_a_runtime(async {
+        let house = house_of(&["anna", "bob", "carl"]);
+        let mut next = settings(&["anna", "bob", "carl"]);
+        next.view = Viewers::SignedIn;
+        next.users[1].rights.role = Role::View;
+        next.users[2].rights = Rights { role: Role::Operate, groups: Some([Name::new("water").unwrap()].into()) };
+        house.control.change(Front::read(&next).unwrap());
+        for path in ["/api/v1/state", "/api/v1/events", "/api/v1/trend?drive=pump-1", "/api/v1/health"] {
+            let (status, _, body) = house.ask("GET", path, "", "").await;
+            assert_eq!(status, 401, "{path}: {body}");
+        }
+        for path in ["/healthz", "/metrics", "/", "/assets/app.js", "/api/v1/session"] {
+            assert_eq!(house.ask("GET", path, "", "").await.0, 200, "{path}");
+        }
+        let stop = (r#"{"run":"stop"}"#, "/api/v1/drives/pump-1/command");
+        let mut outcomes = Vec::new();
+        for user in ["anna", "bob", "carl"] {
+            let head = house.sign_in(user).await;
+            assert_eq!(house.ask("GET", "/api/v1/state", &head, "").await.0, 200, "{user} looks");
+            let (status, _, answer) = house.ask("POST", stop.1, &head, stop.0).await;
+            let all = house.ask("POST", "/api/v1/stop", &head, "{}").await.0;
+            outcomes.push((status, answer["reason"].as_str().unwrap().to_owned(), all));
+            // Making the archive takes ten seconds, so only the refusal is looked at.
+            if user != "anna" {
+                assert_eq!(house.ask("POST", "/api/v1/diagnostics", &head, "{}").await.0, 403, "{user}");
+            }
+        }
+        let told = |status, reason: &str, all| (status, reason.to_owned(), all);
+        assert_eq!(outcomes, [told(200, "none", 200), told(403, "not_allowed", 409), told(200, "none", 200)]);
+        let carl = house.sign_in("carl").await;
+        for body in [r#"{"run": "forward"}"#, r#"{"frequency_hz": 10.0}"#, r#"{"take": true}"#, r#"{"reset": true}"#] {
+            let (status, _, answer) = house.ask("POST", stop.1, &carl, body).await;
+            assert_eq!((status, &answer["reason"]), (403, &json!("not_allowed")), "a drive of another group: {body}");
+        }
+        assert_eq!(house.ask("POST", "/api/v1/drives/pump-1/lease", &carl, "{}").await.0, 403);
+        assert!(house.heard.borrow().iter().all(|(_, order)| order.is_stop()));
+        let (_, _, session) = house.ask("GET", "/api/v1/session", &carl, "").await;
+        assert_eq!((&session["role"], &session["groups"]), (&json!("operate"), &json!(["water"])));
     });
 }
 

@@ -10,7 +10,7 @@ const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by
 // The gateway takes a moment for 1.5 s. Where no events bring one, as in a hidden tab, a renewal asks for one first.
 const FRESH_MS = 700;
 
-const session = { is_known: false, enabled: false, user: null, token: null };
+const session = { is_known: false, enabled: false, is_private: false, user: null, role: null, groups: null, token: null };
 const listeners = [];
 // The newest moment from the gateway. An order names the one that was newest when it was given: what waits on its way is old.
 let moment = null;
@@ -19,6 +19,22 @@ let seen_at = -Infinity;
 /** What is known of the session. */
 export function current() {
   return session;
+}
+
+/** Whether the user may command a drive of this group. */
+export function may_command(group) {
+  const { groups } = session;
+  return may_stop() && (groups === null || groups.includes(group));
+}
+
+/** Whether the user may stop drives: all of them, whatever their groups. */
+export function may_stop() {
+  return session.user !== null && session.role !== "view";
+}
+
+/** Whether one has to sign in to see the drives. */
+export function is_closed() {
+  return session.is_private && session.user === null;
 }
 
 /** Calls `listener` whenever somebody signs in or out. */
@@ -50,8 +66,8 @@ async function ask(timeout_ms) {
 /** Asks the gateway who is signed in. Where it knows of no sessions, control is off. */
 export async function refresh() {
   try {
-    const { enabled = false, user = null, token = null } = await ask(TIMEOUT_MS);
-    take({ is_known: true, enabled, user, token });
+    const { enabled = false, private: is_private = false, user = null, role = null, groups = null, token = null } = await ask(TIMEOUT_MS);
+    take({ is_known: true, enabled, is_private, user, role, groups, token });
   } catch {
     // It is asked again when the gateway is back.
   }
@@ -62,7 +78,8 @@ export async function sign_in(user, password) {
   const { status, answer } = await send("POST", "api/v1/session", { user, password }, TIMEOUT_MS);
   if (status === 200) {
     see(answer.moment);
-    take({ is_known: true, enabled: true, user: answer.user ?? user, token: answer.token ?? null });
+    const { role = null, groups = null, token = null } = answer;
+    take({ is_known: true, enabled: true, user: answer.user ?? user, role, groups, token });
     announce(`Signed in as ${session.user}`);
     return null;
   }
@@ -72,7 +89,9 @@ export async function sign_in(user, password) {
 /** Signs out. */
 export async function sign_out() {
   await send("DELETE", "api/v1/session", null, TIMEOUT_MS);
-  take({ user: null, token: null });
+  // What is shown is for users only.
+  if (session.is_private) location.reload();
+  take({ user: null, role: null, groups: null, token: null });
   await refresh();
 }
 

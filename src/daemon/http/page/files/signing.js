@@ -1,6 +1,6 @@
 // Signing in and out, and the stop for all.
 
-import { announce, h, show, text } from "./dom.js";
+import { announce, attribute, h, show, text } from "./dom.js";
 import * as leases from "./leases.js";
 import * as problems from "./problems.js";
 import * as session from "./session.js";
@@ -28,13 +28,15 @@ export function start(place, form_place) {
   });
   place.append(stop, who, out, begin);
   form_place.append(form);
-  const draw = ({ enabled, user }) => {
+  const draw = ({ enabled, user, role }) => {
     const is_in = user !== null;
-    for (const element of [stop, who, out]) show(element, is_in);
+    for (const element of [who, out]) show(element, is_in);
+    show(stop, session.may_stop());
     show(begin, enabled && !is_in);
     if (is_in || !enabled) open_quietly(form, begin);
     if (!is_in) leases.end_all();
     text(who, user ?? "");
+    attribute(who, "title", role);
   };
   session.changed(draw);
   draw(session.current());
