@@ -6,6 +6,7 @@ use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::north::finding::{Finding, ranked};
+use crate::north::page::changes::changes;
 use crate::north::page::{Gateway, trips};
 use serde_json::{Map, Value};
 use std::sync::Arc;
@@ -25,14 +26,26 @@ struct SentDrive {
     /// When it has to be sent again although the view is the same.
     changes_at: MonoTime,
     advice: Vec<Finding>,
+    /// As a listener knows it by now.
+    document: Value,
 }
 
 impl SentDrive {
     fn now(source: &Source<'_>, line: &SharedLine, drive: &SharedDrive, view: Arc<DriveView>) -> Self {
         let changes_at = shown(line, drive, &view).changes_at(source.present.now);
         let advice = source.drive_advice(line, drive, &view);
-        Self { view, changes_at, advice }
+        let document = source.drive(line, drive, &view);
+        Self { view, changes_at, advice, document }
     }
+}
+
+/// What is new of the drives.
+#[derive(Default)]
+struct DriveNews {
+    /// Of each that has changed, what has.
+    changed: Vec<Value>,
+    /// Of each that was read, how old its oldest value is.
+    oldest_ms: Map<String, Value>,
 }
 
 impl LastState {
@@ -61,9 +74,12 @@ impl LastState {
             update.insert("lines".to_owned(), changed.into());
             self.lines = new;
         }
-        let drives = self.changed_drives(source, &mut events);
-        if !drives.is_empty() {
-            update.insert("drives".to_owned(), drives.into());
+        let DriveNews { changed, oldest_ms } = self.drive_news(source, &mut events);
+        if !changed.is_empty() {
+            update.insert("drives".to_owned(), changed.into());
+        }
+        if !oldest_ms.is_empty() {
+            update.insert("oldest_ms".to_owned(), oldest_ms.into());
         }
         let advice = self.all_advice(source);
         if advice != self.advice {
@@ -77,9 +93,9 @@ impl LastState {
         events
     }
 
-    /// The drives that have changed; their trips are added to `events`.
-    fn changed_drives(&mut self, source: &Source<'_>, events: &mut String) -> Vec<Value> {
-        let mut changed = Vec::new();
+    /// What is new of the drives; their trips are added to `events`.
+    fn drive_news(&mut self, source: &Source<'_>, events: &mut String) -> DriveNews {
+        let mut news = DriveNews::default();
         for ((line, drive, view), told) in source.drives().zip(&mut self.drives) {
             if Arc::ptr_eq(&view, &told.view) && source.present.now < told.changes_at {
                 continue;
@@ -87,10 +103,13 @@ impl LastState {
             for trip in trips::between(&source.present, &drive.description, &told.view, &view) {
                 *events += &event("trip", &trip.to_string());
             }
-            changed.push(source.drive(line, drive, &view));
-            *told = SentDrive::now(source, line, drive, view);
+            let now = SentDrive::now(source, line, drive, view);
+            news.changed.extend(changes(&told.document, &now.document));
+            let name = drive.description.name.as_str().to_owned();
+            news.oldest_ms.insert(name, now.document["oldest_ms"].clone());
+            *told = now;
         }
-        changed
+        news
     }
 
     fn all_advice(&self, source: &Source<'_>) -> Vec<Finding> {
