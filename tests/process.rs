@@ -47,6 +47,7 @@
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
+//! | `kept_trends` | trends survive a kill, and the page draws them |
 //! | `many_drives` | the page with many drives: no stop moves, problems come first, drives are found, no barrier |
 //! | `looking` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
@@ -155,6 +156,8 @@ mod home_assistant;
 mod initialising;
 #[path = "process/journal.rs"]
 mod journal;
+#[path = "process/kept_trends.rs"]
+mod kept_trends;
 #[path = "process/liars.rs"]
 mod liars;
 #[path = "process/live.rs"]

@@ -23,3 +23,4 @@ pub mod sparkplug;
 mod stop_all_tests;
 #[cfg(test)]
 pub(crate) mod testing;
+pub mod trends;

@@ -256,6 +256,7 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
     let shared = Arc::new(build::shared(&config::load(text, &catalog).unwrap()));
     let state = Arc::new(State {
         journal: None,
+        trends: None,
         configuration: None,
         socket: None,
         gateway: "plant-a".to_owned(),

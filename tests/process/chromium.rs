@@ -207,6 +207,14 @@ impl Browser {
         found[ELEMENT].as_str().unwrap().to_owned()
     }
 
+    /// One of the browser's own measurements of the page.
+    pub fn metric(&self, name: &str) -> f64 {
+        self.chromium("Performance.enable", &json!({}));
+        let metrics = self.post("/goog/cdp/execute", &json!({ "cmd": "Performance.getMetrics", "params": {} }));
+        let found = metrics["metrics"].as_array().unwrap().iter().find(|it| it["name"] == name);
+        found.unwrap_or_else(|| panic!("no {name}: {metrics}"))["value"].as_f64().unwrap()
+    }
+
     fn chromium(&self, command: &str, parameters: &Value) {
         self.post("/goog/cdp/execute", &json!({ "cmd": command, "params": parameters }));
     }

@@ -33,10 +33,10 @@ const IS_LIVE: &str = "document.body.dataset.connection === 'live'";
 
 /// A simulated drive at a keyboard, and a gateway with a page before it.
 pub struct Shop {
-    gateway: Started,
+    pub gateway: Started,
     pub drive: Started,
     pub http: SocketAddr,
-    file: PathBuf,
+    pub file: PathBuf,
     _place: Place,
 }
 
@@ -86,7 +86,7 @@ impl Shop {
     }
 
     /// The body of `path`; nothing as long as nobody answers.
-    fn get(&self, path: &str) -> Option<String> {
+    pub fn get(&self, path: &str) -> Option<String> {
         let mut stream = TcpStream::connect(self.http).ok()?;
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.http).ok()?;
@@ -108,7 +108,7 @@ impl Shop {
 }
 
 /// A browser that shows the page at `address`.
-fn browser_at(address: SocketAddr) -> Browser {
+pub fn browser_at(address: SocketAddr) -> Browser {
     let browser = Browser::start();
     browser.resize(Window::DESKTOP);
     browser.open(&format!("http://{address}/"));
@@ -116,7 +116,7 @@ fn browser_at(address: SocketAddr) -> Browser {
     browser
 }
 
-fn run(file: &std::path::Path) -> Started {
+pub fn run(file: &std::path::Path) -> Started {
     let mut command = program();
     command.arg("run").arg("-c").arg(file);
     Started::new(command)
@@ -376,23 +376,6 @@ fn stop_stays_where_it_is_whatever_the_drive_does() {
     shop.gateway.kill();
     browser.wait_for_text("#lost", "No contact with the gateway since");
     assert_eq!(places(), at_rest, "the gateway is lost");
-}
-
-#[test]
-fn the_age_on_a_card_is_that_of_what_is_polled() {
-    let shop = Shop::open(false);
-    let browser = shop.browser();
-    browser.wait_for_text(&in_card(".age"), "values up to");
-    // What a drive keeps as it is was read 39 minutes ago.
-    let age = browser.script(
-        "return import('/assets/drives.js').then((drives) => { \
-           const constant = { name: 'serial', label: 'Serial', unit: null, value: 1, text: null, quality: 'good', \
-             age_ms: 2_340_000, poll: 'hourly', role: null }; \
-           drives.update(drives.all().map((it) => ({ ...it, values: [...it.values, constant] }))); \
-           return document.querySelector('#drive-pump-1 .age').textContent; })",
-    );
-    let age = age.as_str().unwrap();
-    assert!(age.starts_with("values up to") && !age.contains("min"), "{age}");
 }
 
 #[test]

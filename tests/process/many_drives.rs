@@ -1,9 +1,16 @@
 //! The page with many drives, in a real browser: no stop moves, problems come first, and drives are found.
 
 use super::chromium::{Browser, Window};
-use super::looking::{CARD, PASSWORD, Shop, in_card, sign_in};
+use super::looking::{CARD, PASSWORD, Shop, browser_at, in_card, run, sign_in};
+use super::mosquitto::free_port;
+use super::rig::{Place, program};
+use super::started::Started;
 use serde_json::Value;
+use std::fmt::Write as _;
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// Beside the real one.
 const DRIVES: usize = 8;
@@ -183,4 +190,76 @@ fn axe_finds_no_barrier_in_any_state_layout_and_scheme_of_colours() {
     resize(&browser, desktop);
     browser.click("#layout button");
     assert_eq!(barriers(&browser), serde_json::json!([]), "rows on a desktop");
+}
+
+/// How long the page of the large plant is watched.
+const WATCHED: Duration = Duration::from_secs(20);
+const LARGE: (usize, usize) = (8, 16);
+
+/// Lines of simulated drives, all idle.
+fn large_plant(place: &Place) -> (Vec<Started>, String) {
+    let (lines, drives) = LARGE;
+    let mut text = String::from("[gateway]\nname = \"works\"\n");
+    let mut played = Vec::new();
+    for line in 1..=lines {
+        let port = place.file(&format!("line-{line}"));
+        let mut simulate = program();
+        simulate.args(["simulate", "--model", "frecon-fr500a", "--baud", "38400", "--link"]).arg(&port);
+        (1..=drives).for_each(|station| {
+            simulate.args(["--station", &station.to_string()]);
+        });
+        let started = Started::new(simulate);
+        started.wait_for("that it plays", |said| said.contains("station 16").then_some(()));
+        played.push(started);
+        write!(text, "\n[[line]]\nname = \"hall-{line}\"\nport = \"{}\"\nbaud = 38400\n", port.display()).unwrap();
+        for station in 1..=drives {
+            write!(
+                text,
+                "\n[[line.drive]]\nname = \"d-{line}-{station}\"\nmodel = \"frecon-fr500a\"\nstation = {station}\npoll = \"1s\"\n"
+            )
+            .unwrap();
+        }
+    }
+    (played, text)
+}
+
+#[test]
+#[ignore = "it measures for a while, and needs a quiet machine"]
+fn the_cost_of_a_page_of_128_idle_drives() {
+    let place = Place::new();
+    let (_played, text) = large_plant(&place);
+    let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
+    let file = place.write("gateway.toml", &format!("{text}\n[http]\nlisten = \"{http}\"\n"));
+    let _gateway = run(&file);
+    let browser = browser_at(http);
+    browser.wait("document.querySelectorAll('.drive[data-state=stopped]').length === 128");
+    for view in ["rows", "cards"] {
+        browser.script(&format!("localStorage.setItem('vfd-gateway-layout', '{view}')"));
+        browser.reload();
+        browser.wait("document.querySelectorAll('.drive[data-state=stopped]').length === 128");
+        let busy = || browser.metric("TaskDuration");
+        let (busy_s, begun) = (busy(), Instant::now());
+        let bytes = event_bytes(http, WATCHED);
+        let share = (busy() - busy_s) / begun.elapsed().as_secs_f64() * 100.0;
+        println!("{view}: the tab needs {share:.1} % of a core, the stream {:.1} kB/s", bytes / 1000.0);
+    }
+}
+
+/// Bytes per second of the event stream after the state with which it begins.
+fn event_bytes(http: SocketAddr, within: Duration) -> f64 {
+    let mut stream = TcpStream::connect(http).unwrap();
+    write!(stream, "GET /api/v1/events HTTP/1.1\r\nHost: {http}\r\n\r\n").unwrap();
+    let mut buffer = vec![0; 1 << 20];
+    let begun = Instant::now();
+    let (mut first, mut bytes) = (None, 0);
+    while begun.elapsed() < within {
+        let read = stream.read(&mut buffer).unwrap();
+        // The state is over when the first heartbeat has come.
+        if first.is_none() && buffer[..read].windows(12).any(|it| it == b"event: alive") {
+            first = Some(Instant::now());
+        } else if first.is_some() {
+            bytes += read;
+        }
+    }
+    bytes as f64 / first.expect("a heartbeat").elapsed().as_secs_f64()
 }

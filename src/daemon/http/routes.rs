@@ -58,7 +58,7 @@ pub(super) fn router(documents: Documents) -> Router {
         .with_state(Arc::clone(&state))
         .merge(traffic::router(state))
         .merge(report::router(history))
-        .merge(live::router(live))
+        .merge(live::routes::router(live))
 }
 
 /// The authority behind the certificate of the page, for clients that are to trust it. On the socket there is none.

@@ -4,6 +4,7 @@ use super::reachable::Reachable;
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::daemon::journal::Journal;
+use crate::daemon::trends::Trends;
 use crate::domain::report::LineState;
 use crate::domain::time::{MonoTime, WallTime};
 use arc_swap::ArcSwapOption;
@@ -25,6 +26,8 @@ pub struct State {
     pub sparkplug: ArcSwapOption<SparkplugTotals>,
     /// The journal; `None` without a data directory.
     pub journal: Option<Arc<Journal>>,
+    /// The kept trends; `None` without a data directory.
+    pub trends: Option<Arc<Trends>>,
     /// The configuration file; `None` if there is none.
     pub configuration: Option<PathBuf>,
     /// Whether the program's own commands reach the gateway; `None` without a data directory.

@@ -59,6 +59,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
     Arc::new(State {
         sparkplug: None.into(),
         journal: None,
+        trends: None,
         socket: None,
         configuration: None,
         gateway: "plant-a".to_owned(),

@@ -34,6 +34,7 @@ fn line() -> Arc<SharedLine> {
 fn state(line: &Arc<SharedLine>) -> Arc<State> {
     Arc::new(State {
         journal: None,
+        trends: None,
         gateway: "plant-a".to_owned(),
         shared: Arc::new(Shared::of(vec![Arc::clone(line)], Arc::default())).into(),
         modbus: Arc::new(ModbusTotals::default()),

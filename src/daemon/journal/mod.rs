@@ -24,6 +24,7 @@ mod writer;
 #[cfg(test)]
 mod tests;
 
+pub use aside::move_aside;
 pub use status::{JournalReport, JournalState};
 
 use crate::daemon::exchange::bell::Bell;

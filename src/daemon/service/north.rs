@@ -11,6 +11,7 @@ use crate::daemon::host::descriptors;
 use crate::daemon::host::secret_files;
 use crate::daemon::http::report;
 use crate::daemon::http::{self, Control, Documents, Front, State, socket::OwnSocket};
+use crate::daemon::journal::Journal;
 use crate::daemon::local::LocalSide;
 use crate::daemon::modbus_server::{Listener, Security, Server};
 use crate::daemon::service::conversations::{BrokerSide, Conversations};
@@ -18,6 +19,7 @@ use crate::daemon::service::north_sides::NorthSides;
 use crate::daemon::service::reload_request::Reloads;
 use crate::daemon::service::stall::Stalls;
 use crate::daemon::service::start_error::StartError;
+use crate::daemon::trends::Trends;
 use crate::domain::ids::Name;
 use std::io;
 use std::net::SocketAddr;
@@ -168,6 +170,12 @@ struct Listening {
     task: AbortHandle,
 }
 
+/// The trends that are kept in the journal's directory; `None` if the system refuses a thread.
+fn trends_beside(journal: &Journal) -> Option<Arc<Trends>> {
+    let started = Trends::start(journal.file().parent()?);
+    started.inspect_err(|error| tracing::warn!(%error, "trends cannot be kept")).ok()
+}
+
 impl North {
     /// Starts everything on the current [`LocalSet`](tokio::task::LocalSet); it ends with that.
     pub fn start(
@@ -188,6 +196,7 @@ impl North {
             mqtt: None.into(),
             sparkplug: None.into(),
             journal: sides.journal.clone(),
+            trends: sides.journal.as_ref().and_then(|journal| trends_beside(journal)),
             configuration: file,
             socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
             started: started.mono,

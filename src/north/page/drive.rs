@@ -12,7 +12,7 @@ use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::trip;
 use crate::north::shown::{self, quality, stale_at};
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{PollClass, Register, Role};
 use crate::profile::words::{POLL_CLASSES, ROLES};
 use crate::toml_file::words::word_for;
 use serde_json::{Value, json};
@@ -61,6 +61,7 @@ impl Drive<'_> {
             "warning": shown::warning_text(self.description, self.view, present.now),
             "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
             "control": description.control.as_ref().map(|settings| self.control(settings, present.now)),
+            "oldest_ms": self.oldest_at(present.now).map(|at| whole_millis(present.now, at)),
             "values": self.polled().map(|register| self.value(register, present.now)).collect::<Vec<_>>(),
         })
     }
@@ -70,6 +71,18 @@ impl Drive<'_> {
     pub fn changes_at(&self, now: MonoTime) -> MonoTime {
         let moments = self.polled().filter_map(|register| stale_at(self.description, register, self.view));
         moments.filter(|at| *at > now).min().unwrap_or(MonoTime::NEVER)
+    }
+
+    /// When the oldest value was read that is read again and again; `None` if none of them is fresh.
+    #[must_use]
+    pub fn oldest_at(&self, now: MonoTime) -> Option<MonoTime> {
+        let is_moving =
+            |register: &&Register| matches!(register.poll, Some(PollClass::Fast | PollClass::Second | PollClass::Slow));
+        let read_at = |register: &Register| {
+            let is_fresh = quality(self.description, register, self.view, now).word() == "good";
+            self.view.snapshot.value(register).filter(|_| is_fresh).map(|reading| reading.at)
+        };
+        self.polled().filter(is_moving).filter_map(read_at).min()
     }
 
     /// The output frequency, unless it is stale.
@@ -106,6 +119,9 @@ impl Drive<'_> {
             "seen": trip.seen,
             "total": kept.total,
             "last_at": trip.last.as_ref().map(|last| present.clock.text(last.at)),
+            "values": trip.last.as_ref().map(|last| {
+                trip::record(self.description, &|at| present.clock.text(at), last).remove("values")
+            }),
         })
     }
 

@@ -2,8 +2,11 @@
 //! from existing views and reports, so that viewing the page causes no traffic on a line.
 
 mod advice;
+pub mod changes;
 pub mod drive;
 pub mod gateway;
+pub mod history;
+pub mod kept;
 pub mod line;
 pub mod line_use;
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::north::finding::{Severity, Sign, ranked};
-use crate::profile::model::Role;
+use crate::profile::model::{PollClass, Register, Role};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -72,6 +72,22 @@ fn advice(description: &DriveDescription, view: &DriveView) -> Vec<(Severity, St
     let advice = drive(description, view).advice(Interface::Rs485, NOW);
     assert!(advice.iter().all(|it| it.drive.as_ref() == Some(&description.name)));
     advice.into_iter().map(|it| (it.severity, it.text)).collect()
+}
+
+#[test]
+fn the_age_of_a_drive_is_that_of_what_is_read_again_and_again() {
+    let description = description("toshiba-vf-as1");
+    let mut view = view(&description, 0);
+    let later = NOW + Duration::from_secs(600);
+    assert_eq!(document(&description, &view, later)["oldest_ms"], json!(null), "all that moves is stale");
+    let moves =
+        |register: &&Register| matches!(register.poll, Some(PollClass::Fast | PollClass::Second | PollClass::Slow));
+    for register in description.model.registers.iter().filter(moves) {
+        view.snapshot.take(register.address, &[0], later);
+    }
+    let shown = document(&description, &view, later + Duration::from_millis(700));
+    assert!(values(&shown).iter().any(|value| value["age_ms"] == 600_700), "a constant was read long ago");
+    assert_eq!(shown["oldest_ms"], 700);
 }
 
 #[test]

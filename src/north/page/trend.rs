@@ -52,7 +52,7 @@ impl Trends {
         for drive in drives {
             if let Some(trend) = self.drives.get_mut(&drive.description.name) {
                 (0..missed).for_each(|_| trend.push(|_| None));
-                trend.push(|column| column.source.read(&drive, now));
+                trend.push(|column| column.read(&drive, now));
             }
         }
         self.newest = Some(step);
@@ -93,11 +93,9 @@ struct Trend {
 
 impl Trend {
     fn of(drive: &DriveDescription) -> Self {
-        let roles = [(Role::OutputFrequency, "output_frequency"), (Role::OutputCurrent, "current")];
-        let voltage = (Role::DcLinkVoltage, "dc_voltage");
-        let column = |(role, name)| Column::of_register(drive, drive.model.register_for(role)?, name);
-        let [output, current] = roles.map(column);
-        let columns = [output, Column::of_setpoint(drive), current, column(voltage)];
+        let column = |role| Column::of_register(drive, drive.model.register_for(role)?);
+        let [output, current, voltage] = [Role::OutputFrequency, Role::OutputCurrent, Role::DcLinkVoltage].map(column);
+        let columns = [output, Column::of_setpoint(drive), current, voltage];
         Self { columns: columns.into_iter().flatten().collect(), cells: VecDeque::new() }
     }
 
@@ -118,17 +116,17 @@ impl Trend {
 
 /// One value of a drive.
 #[derive(Clone, Debug, PartialEq)]
-struct Column {
-    name: &'static str,
-    label: String,
-    unit: &'static str,
-    digits: u8,
+pub(super) struct Column {
+    pub name: String,
+    pub label: String,
+    pub unit: &'static str,
+    pub digits: u8,
     source: Source,
 }
 
 /// Where a value comes from.
 #[derive(Clone, Debug, PartialEq)]
-enum Source {
+pub(super) enum Source {
     /// The polled register with this name.
     Register(String),
     /// The same, which shows per cent of a rated value.
@@ -138,8 +136,9 @@ enum Source {
 }
 
 impl Column {
-    fn of_register(drive: &DriveDescription, register: &Register, name: &'static str) -> Option<Self> {
+    pub fn of_register(drive: &DriveDescription, register: &Register) -> Option<Self> {
         register.poll?;
+        let name = register.name.clone();
         let label = register.title.clone();
         Some(match Rated::of(register, &drive.ratings) {
             Some(rated) => {
@@ -155,16 +154,26 @@ impl Column {
         })
     }
 
-    fn of_setpoint(drive: &DriveDescription) -> Option<Self> {
+    pub fn of_setpoint(drive: &DriveDescription) -> Option<Self> {
         let polled = drive.model.setting_register().filter(|register| register.poll.is_some());
         let digits = polled.map_or(USUAL_DIGITS, Register::digits);
         let label = polled.map_or_else(|| "Setpoint that was commanded".to_owned(), |it| it.title.clone());
         let is_there = polled.is_some() || drive.control.is_some();
-        is_there.then_some(Self { name: "setpoint", label, unit: "Hz", digits, source: Source::Setpoint })
+        is_there.then_some(Self { name: "setpoint".to_owned(), label, unit: "Hz", digits, source: Source::Setpoint })
     }
 
     fn document(&self) -> Value {
         json!({ "name": self.name, "label": self.label, "unit": self.unit })
+    }
+
+    /// The same with its digits, as it is stored beside kept values.
+    pub fn kept(&self) -> Value {
+        json!({ "name": self.name, "label": self.label, "unit": self.unit, "digits": self.digits })
+    }
+
+    /// The value, unless it is stale.
+    pub fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
+        self.source.read(drive, now)
     }
 
     /// A number with this many digits, as it was before it was stored.

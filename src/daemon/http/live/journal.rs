@@ -24,8 +24,6 @@ use std::task::{Context, Poll};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::task::JoinHandle;
 
-/// Most readers of the journal at once. Reading takes processor time that lines need too.
-pub const READERS_MAX: usize = 2;
 /// Rows in an answer by default, and at most.
 const LAST_USUAL: usize = 200;
 const LAST_MAX: usize = 10_000;

@@ -8,12 +8,11 @@ mod journal;
 mod last_state;
 mod listeners;
 mod query;
-mod routes;
+pub(super) mod routes;
 mod source;
 #[cfg(test)]
 mod tests;
-
-pub(super) use routes::router;
+mod trend;
 
 use super::large::Room;
 use super::state::State;
@@ -22,6 +21,7 @@ use crate::daemon::host::clock;
 use crate::daemon::host::random;
 use crate::north::clock::{Clock, Moment};
 use crate::north::operator::moments::{self, Moments};
+use crate::north::page::kept::Collector;
 use crate::north::page::{Drive, LineUse, Present, Trends};
 use last_state::LastState;
 use listeners::{Listener, Listeners};
@@ -35,6 +35,9 @@ use tokio::time::MissedTickBehavior;
 
 /// How often the views are compared, and a moment is sent to listeners.
 const TICK: Duration = moments::EVERY;
+
+/// Most readers of the journal and the trends at once. Reading takes processor time that lines need too.
+const READERS_MAX: usize = 2;
 
 /// What the live documents are made from, beside the views.
 #[derive(Debug)]
@@ -57,6 +60,7 @@ struct LiveState {
     /// By the numbers of the lines.
     uses: BTreeMap<u16, LineUse>,
     trends: Trends,
+    collector: Collector,
     listeners: Listeners,
     /// What listeners have received; `None` while there is no listener.
     last: Option<LastState>,
@@ -72,13 +76,14 @@ impl Live {
             shared: None,
             uses: BTreeMap::new(),
             trends: Trends::default(),
+            collector: Collector::default(),
             listeners: Listeners::default(),
             last: None,
         };
         Self {
             state,
             kept: Mutex::new(kept),
-            readers: Arc::new(Semaphore::new(journal::READERS_MAX)),
+            readers: Arc::new(Semaphore::new(READERS_MAX)),
             room: Room::default(),
             moments: Moments::new(random::secret()),
         }
@@ -114,8 +119,14 @@ impl LiveState {
         let Some(shared) = self.shared.clone() else { return };
         if self.trends.is_due(now) {
             let views: Vec<_> = shared.drives.iter().map(|drive| drive.view.load_full()).collect();
-            let drives = shared.drives.iter().map(|drive| &drive.description).zip(views.iter().map(Arc::as_ref));
-            self.trends.note(now, drives.map(|(description, view)| Drive { description, view, station: None }));
+            let drives = || {
+                let both = shared.drives.iter().zip(&views);
+                both.map(|(drive, view)| Drive { description: &drive.description, view, station: None })
+            };
+            self.trends.note(now, drives());
+            if let Some(kept) = &live.state.trends {
+                kept.keep(self.collector.note(at.wall, now, drives()));
+            }
             for line in &shared.lines {
                 self.uses.entry(line.number).or_default().note(now, &line.report().counters);
             }
@@ -149,6 +160,7 @@ impl LiveState {
             return false;
         }
         self.trends.change_to(shared.drives.iter().map(|drive| &drive.description));
+        self.collector.change_to(shared.drives.iter().map(|drive| &drive.description));
         self.uses.retain(|number, _| shared.lines.iter().any(|line| line.number == *number));
         self.shared.replace(shared).is_some()
     }

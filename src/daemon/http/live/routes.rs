@@ -1,11 +1,10 @@
 //! The routes of the live documents.
 
-use super::query::Query;
-use super::{Live, journal};
+use super::{Live, journal, trend};
 use crate::daemon::http::answers::json;
 use crate::daemon::http::lasting::Lasting;
 use axum::body::Body;
-use axum::extract::{RawQuery, State};
+use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
@@ -25,7 +24,7 @@ pub fn router(live: Arc<Live>) -> Router {
     Router::new()
         .route("/api/v1/state", get(everything))
         .route("/api/v1/events", get(events))
-        .route("/api/v1/trend", get(trend))
+        .route("/api/v1/trend", get(trend::trend))
         .route("/api/v1/advice", get(advice))
         .route("/api/v1/journal", get(journal::rows))
         .with_state(live)
@@ -53,27 +52,8 @@ async fn events(State(live): State<Arc<Live>>, Extension(lasting): Extension<Las
     (EVENTS, Body::new(listener)).into_response()
 }
 
-async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
-    let query = match Query::read(query.as_deref(), &["drive"]) {
-        Ok(query) => query,
-        Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
-    };
-    let shared = live.state.shared.get();
-    let names = || shared.drives.iter().map(|drive| drive.description.name.as_str()).collect::<Vec<_>>().join(", ");
-    let Some(name) = query.get("drive") else {
-        return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is required; there are {}", names()));
-    };
-    if shared.drives.iter().all(|drive| drive.description.name.as_str() != name) {
-        return wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names()));
-    }
-    match live.lock().trend(name) {
-        Some(document) => fresh(&document),
-        None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive was just added; try again"),
-    }
-}
-
 /// A document that must not be cached.
-fn fresh(document: &Value) -> Response {
+pub fn fresh(document: &Value) -> Response {
     ([(header::CACHE_CONTROL, "no-store")], json(document)).into_response()
 }
 

@@ -33,9 +33,9 @@ const FILES: [&[File]; 6] = [
     &files!("text/html; charset=utf-8": "index.html"),
     &files!("text/css; charset=utf-8": "page.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
-        "app.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "hold.js", "journal.js",
-        "layout.js", "leases.js", "lines.js", "notify.js", "problems.js", "report.js", "session.js", "signing.js",
-        "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
+        "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "hold.js",
+        "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "problems.js", "report.js", "session.js",
+        "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
     ),
     &files!("image/svg+xml": "icon-problem.svg", "icon.svg"),
     &files!("application/manifest+json": "manifest.webmanifest"),

@@ -39,7 +39,6 @@ lines.start(at("lines"));
 notify.start(at("notify"));
 problems.start(at("advice"), at("advice-title"));
 signing.start(at("session"), at("sign-in-place"));
-session.changed(() => drives.redraw());
 session.refresh();
 
 function take_gateway(gateway) {
@@ -93,6 +92,7 @@ const on = {
   update(document) {
     take_gateway(document.gateway);
     if (document.lines) lines.update(document.lines);
+    if (document.oldest_ms) drives.oldest(document.oldest_ms);
     if (document.drives) drives.update(document.drives);
     if (document.advice) take_advice(document.advice);
     filter.count(drives.all());
@@ -113,7 +113,9 @@ const on = {
   },
 
   connection(state, heard_at) {
-    const is_lost = state === "lost";
+    // Nothing is lost where nothing is shown yet.
+    text(at("waiting"), session.is_closed() ? "Sign in to see the drives." : "Waiting for the gateway.");
+    const is_lost = state === "lost" && !session.is_closed();
     const was_lost = document.body.dataset.connection === "lost";
     attribute(document.body, "data-connection", state);
     drives.redraw(state === "live");
@@ -128,4 +130,8 @@ const on = {
   },
 };
 
-new Stream(on);
+const stream = new Stream(on);
+session.changed(() => {
+  drives.redraw();
+  stream.again();
+});

@@ -6,10 +6,14 @@ import * as leases from "./leases.js";
 
 // What an operator looks for comes first; the rest is one click away.
 const FIRST_VALUES = 5;
-/** What is read again and again. What a drive keeps as it is, or a person changes, is read once a minute or an hour. */
-const POLLED = new Set(["fast", "second", "slow"]);
 /** What an operator looks for before all else. */
 const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage", "dc_link_voltage", "temperature"];
+
+const CONFIDENCE = {
+  sibling: "from a related model, unconfirmed",
+  inferred: "inferred, unconfirmed",
+  "third-party": "from a third party, unconfirmed",
+};
 
 const cards = new Map();
 let place = null;
@@ -40,9 +44,14 @@ function arrange(drives) {
   keyed(place, cards, sorted, (drive) => drive.name, (drive) => new Card(drive.name));
 }
 
-/** Shows what is new of some drives. */
+/** Shows what is new of some drives: of each the keys that changed, and of its values those that did. */
 export function update(drives) {
   for (const drive of drives) cards.get(drive.name)?.take(drive);
+}
+
+/** How old the oldest value of each of these is. */
+export function oldest(ages_ms) {
+  for (const [name, age_ms] of Object.entries(ages_ms)) cards.get(name)?.take_age(age_ms);
 }
 
 /** Shows only the drives for which `is_wanted`; what is hidden stays up to date. */
@@ -78,7 +87,7 @@ class Card {
   constructor(name) {
     this.name = name;
     this.drive = null;
-    this.taken = 0;
+    this.aged = 0;
     this.rows = new Map();
     this.rest = new Map();
     this.shape = shape("unknown");
@@ -87,6 +96,7 @@ class Card {
     this.output = h("span", { class: "number" });
     this.setpoint = h("span", { class: "number" });
     this.trip = h("p", { class: "trip" });
+    this.at_trip = h("p", { class: "trip" });
     this.marks = h("ul", { class: "marks", "aria-label": "Marks" });
     this.values = h("dl", { class: "values" });
     this.others = h("dl", { class: "values" });
@@ -111,7 +121,7 @@ class Card {
         h("p", { class: "output" }, h("span", { class: "label" }, "Output"), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
         h("p", { class: "set" }, h("span", { class: "label" }, "Set"), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
       ),
-      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": `Notes on ${name}` }, this.trip, this.marks),
+      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": `Notes on ${name}` }, this.trip, this.at_trip, this.marks),
       this.controls.element,
       this.values,
       this.details,
@@ -119,15 +129,28 @@ class Card {
     );
   }
 
-  take(drive) {
+  take(news) {
     const before = this.drive;
+    const now = performance.now();
+    // A whole document names the model; it may have other values than before.
+    const kept = news.model === undefined ? before?.values ?? [] : [];
+    const known = new Map(kept.map((value) => [value.name, value]));
+    for (const value of news.values ?? []) known.set(value.name, { ...known.get(value.name), ...value, taken: now });
+    const drive = { ...before, ...news, values: [...known.values()] };
+    if (news.control) drive.control = { ...news.control, taken: now };
+    if (news.oldest_ms !== undefined) this.aged = now;
     this.drive = drive;
-    this.taken = performance.now();
     leases.observe(drive);
     if (before && before.run_state !== drive.run_state && drive.run_state !== "tripped") {
       announce(`${this.name}: ${words(drive.run_state)}`);
     }
     this.draw();
+  }
+
+  take_age(age_ms) {
+    if (!this.drive) return;
+    this.drive.oldest_ms = age_ms;
+    this.aged = performance.now();
   }
 
   draw() {
@@ -165,10 +188,14 @@ class Card {
     const is_told = String(trip.text ?? "").includes(String(trip.code ?? ""));
     const name = [is_told ? null : trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
     const when = trip.last_at ? `, ${recent(trip.last_at)}` : "";
+    const often = trip.count > 0 ? ` (${number(trip.count)} in all)` : "";
     const is_active = trip.active === true;
     this.trip.classList.toggle("active", is_active);
     show(this.trip, is_active || trip.count > 0);
-    text(this.trip, is_active ? `TRIP ${name}${when}` : `Last trip ${name}${when} (${number(trip.count)} in all)`);
+    text(this.trip, `${is_active ? "TRIP" : "Last trip"} ${in_words(name)}${when}${often}`);
+    const at_trip = Object.entries(trip.values ?? {}).filter(([, { value, unit: of }]) => of && value !== null);
+    show(this.at_trip, at_trip.length > 0 && !this.trip.hidden);
+    text(this.at_trip, `At the trip: ${at_trip.map(([key, { value, unit: of }]) => `${words(key.replace(/^trip_/, ""))} ${number(value)} ${unit(of)}`).join(", ")}`);
   }
 
   draw_marks({ presence, status, control, watchdog, trip, warning }) {
@@ -212,13 +239,11 @@ class Card {
   draw_ages() {
     const { drive } = this;
     if (!drive || !this.is_whole()) return;
-    const since = performance.now() - this.taken;
-    [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(since));
-    const is_polled = ({ poll, quality, age_ms }) => POLLED.has(poll) && quality === "good" && age_ms !== null;
-    const ages = (drive.values ?? []).filter(is_polled);
-    const oldest = Math.max(...ages.map((value) => value.age_ms));
-    text(this.age, ages.length > 0 ? `values up to ${span(oldest + since)} old` : "no fresh value");
-    this.draw_owner(drive.control, since);
+    const now = performance.now();
+    [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(now));
+    const oldest_ms = drive.oldest_ms ?? null;
+    text(this.age, oldest_ms === null ? "no fresh value" : `values up to ${span(oldest_ms + now - this.aged)} old`);
+    this.draw_owner(drive.control, now - (drive.control?.taken ?? now));
   }
 
   draw_owner(control, since) {
@@ -235,6 +260,11 @@ class Card {
     attribute(this.owner, "title", this.owner.textContent);
     this.owner.classList.toggle("ours", every_ms !== null && Boolean(control.owner));
   }
+}
+
+/** How sure a text is, in words for people. */
+function in_words(sentence) {
+  return sentence.replace(/\((sibling|inferred|third-party)\)/g, (_, word) => `(${CONFIDENCE[word]})`);
 }
 
 /** A value with its name, unit and quality. */
@@ -257,9 +287,9 @@ class Row {
     attribute(this.element, "data-quality", value.quality);
   }
 
-  draw_age(since) {
-    const { quality, age_ms } = this.value;
-    text(this.note, quality === "stale" ? `stale ${span(age_ms + since)}` : quality === "never" ? "never read" : "");
+  draw_age(now) {
+    const { quality, age_ms, taken } = this.value;
+    text(this.note, quality === "stale" ? `stale ${span(age_ms + now - taken)}` : quality === "never" ? "never read" : "");
   }
 }
 

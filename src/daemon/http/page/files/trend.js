@@ -1,31 +1,50 @@
-// The last hour of a drive: one chart for each unit, with a common cursor.
+// Trends of drives: one chart for each unit, with a common cursor, and trips and commands as marks.
 
-import { clock, h, number, show, text, unit as written } from "./dom.js";
-import { choices, document_at, labelled, query } from "./fetched.js";
+import { h, keyed, number, show, text, unit as written } from "./dom.js";
+import { document_at, labelled, query } from "./fetched.js";
+import { data, draw, renew } from "./chart.js";
 
-const EVERY_MS = 10_000;
-const HEIGHT = 190;
-const HEIGHT_LATER = 140;
-const COLOURS = ["--series-1", "--series-2", "--series-3", "--series-4"];
+const EVERY_MS = { "1h": 10_000, "24h": 60_000, "7d": 60_000, "30d": 60_000 };
+const SPANS = [["1h", "1 hour"], ["24h", "24 hours"], ["7d", "7 days"], ["30d", "30 days"]];
+const MARKS_MAX = 500;
+/** More curves than that are not told apart. */
+const DRIVES_MAX = 4;
+/** One value of each of these is shown unless others are chosen. */
+const USUAL_UNITS = ["Hz", "Hz", "A", "V"];
 
 /** The panel of the trend. */
 export class Trend {
   constructor(element) {
     this.element = element;
-    this.drive = h("select", { change: () => this.load() });
+    this.drives = new Choice("Drives", () => this.load());
+    this.values = new Choice("Values", () => this.load());
+    this.span = h("select", { change: () => this.load() }, ...SPANS.map(([value, label]) => h("option", { value }, label)));
+    this.exports = h("span", { class: "export" });
+    const button = (label, act) => h("button", { type: "button", class: "plain", click: act }, label);
+    this.zoomed = h("span", { class: "export", hidden: true },
+      button("Earlier", () => this.pan(-0.5)), " ", button("Later", () => this.pan(0.5)), " ", button("Whole", () => this.whole()));
     this.place = h("div", { class: "charts" });
     this.message = h("p", { class: "message", role: "status" }, "");
     this.charts = [];
+    this.answers = [];
+    this.marks = [];
     this.shown = null;
     this.is_open = false;
-    element.append(h("div", { class: "tools" }, labelled("Drive", this.drive)), this.message, this.place);
-    setInterval(() => this.is_open && document.visibilityState === "visible" && this.load(), EVERY_MS);
+    this.loaded = 0;
+    const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+    element.append(
+      h("div", { class: "tools" }, this.drives.element, labelled("Span", this.span), this.values.element, this.zoomed, this.exports),
+      this.message,
+      this.place,
+      h("p", { class: "about" }, `Times in ${zone}. Drag over a chart to look closer. Lines mark trips (solid) and commands (dotted).`),
+    );
+    setInterval(() => this.is_due() && this.load(), 1000);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw_anew());
     new ResizeObserver(() => this.resize()).observe(this.place);
   }
 
   names(drives) {
-    choices(this.drive, drives);
+    this.drives.offer(drives.map((name) => [name, name]), drives.slice(0, 1));
   }
 
   open() {
@@ -37,25 +56,52 @@ export class Trend {
     this.is_open = false;
   }
 
+  is_due() {
+    return this.is_open && document.visibilityState === "visible" && performance.now() - this.loaded >= EVERY_MS[this.span.value];
+  }
+
   async load() {
-    const drive = this.drive.value;
-    if (!drive) return;
-    const { answer, error } = await document_at(query("api/v1/trend", { drive }), this.element);
-    if (!this.is_open || drive !== this.drive.value) return;
-    if (!answer) {
-      this.tell(error);
-      return;
-    }
-    const is_empty = !answer.values.some((column) => column.some((value) => value !== null));
-    this.tell(is_empty ? "Nothing has been recorded of this drive yet." : "");
-    const before = this.answer;
-    this.answer = answer;
-    const layout = JSON.stringify([answer.drive, answer.columns]);
-    if (layout !== this.shown || !before) {
+    const drives = this.drives.chosen().slice(0, DRIVES_MAX);
+    const span = this.span.value;
+    const values = this.values.is_changed ? this.values.chosen().join(",") : "";
+    const wanted = JSON.stringify([drives, span, values]);
+    this.wanted = wanted;
+    this.loaded = performance.now();
+    if (drives.length === 0) return this.tell("Choose a drive.");
+    const path = (drive, more) => query("api/v1/trend", { drive, span, values, ...more });
+    const all = await Promise.all(drives.map((drive) => document_at(path(drive, {}), this.element)));
+    const marks = await this.load_marks(drives, span);
+    if (!this.is_open || wanted !== this.wanted) return;
+    const wrong = all.find(({ answer }) => !answer);
+    if (wrong) return this.tell(wrong.error);
+    this.answers = all.map(({ answer }) => answer);
+    this.marks = marks;
+    const is_empty = !this.answers.some(({ values: columns }) => columns.some((column) => column.some((value) => value !== null)));
+    this.tell(is_empty ? "Nothing has been recorded of this yet." : "");
+    this.exports.replaceChildren("CSV: ", ...drives.flatMap((drive) => [h("a", { href: path(drive, { format: "csv" }), download: `${drive}.csv` }, drive), " "]));
+    this.show(wanted);
+  }
+
+  /** Trips and commands in the time that is shown; none without a journal. */
+  async load_marks(drives, since) {
+    const rows = (drive) => fetch(query("api/v1/journal", { table: "all", drive, since, last: MARKS_MAX }), { cache: "no-store" })
+      .then((response) => (response.ok ? response.json() : { rows: [] }))
+      .catch(() => ({ rows: [] }));
+    const found = await Promise.all(drives.map(rows));
+    const is_mark = ({ table, kind }) => (table === "trips" && kind !== "cleared") || table === "audit";
+    return found.flatMap(({ rows: all }) => all).filter(is_mark).map(({ at, table }) => ({ at_s: Date.parse(at) / 1000, is_trip: table === "trips" }));
+  }
+
+  show(wanted) {
+    const offered = new Map(this.answers.flatMap(({ columns }) => columns.map(({ name, label, unit }) => [name, `${label} (${written(unit)})`])));
+    // What was not asked for is not offered either.
+    if (!this.values.is_changed) this.values.offer([...offered], usual(this.answers[0].columns));
+    const layout = JSON.stringify([wanted, this.answers.map(({ columns }) => columns), this.values.chosen()]);
+    if (layout !== this.shown || this.charts.length === 0) {
       this.shown = layout;
       this.draw_anew();
     } else {
-      this.charts.forEach(({ chart, columns }) => renew(chart, data(answer, columns)));
+      this.charts.forEach(({ chart, series }) => renew(chart, data(this.answers, series)));
     }
     this.describe();
   }
@@ -70,32 +116,60 @@ export class Trend {
     if (width > 0) this.charts.forEach(({ chart }) => chart.width !== width && chart.setSize({ width, height: chart.height }));
   }
 
+  /** All curves that are wanted, by their unit. */
+  units() {
+    const wanted = new Set(this.values.chosen());
+    const units = new Map();
+    let colour = 0;
+    for (const [answer, { drive, columns }] of this.answers.entries()) {
+      for (const [index, { name, label, unit }] of columns.entries()) {
+        if (!wanted.has(name)) continue;
+        const called = this.answers.length > 1 ? `${drive}: ${label}` : label;
+        units.set(unit, [...(units.get(unit) ?? []), { answer, index, name, label: called, unit, colour: colour++ }]);
+      }
+    }
+    return units;
+  }
+
   draw_anew() {
     this.charts.forEach(({ chart }) => chart.destroy());
     this.charts = [];
     this.place.replaceChildren();
-    if (!this.answer || typeof uPlot === "undefined") return;
-    const units = [...new Set(this.answer.columns.map((column) => column.unit))];
-    for (const unit of units) {
-      const columns = this.answer.columns.map((column, index) => ({ ...column, index })).filter((column) => column.unit === unit);
+    show(this.zoomed, false);
+    if (this.answers.length === 0 || typeof uPlot === "undefined") return;
+    for (const [unit, series] of this.units()) {
       const summary = h("p", { class: "unseen" });
       const element = h("div", { class: "chart", role: "group" });
       this.place.append(element, summary);
-      const height = this.charts.length === 0 ? HEIGHT : HEIGHT_LATER;
-      const chart = new uPlot(options(unit, columns, this.place.clientWidth || 600, height), data(this.answer, columns), element);
-      this.charts.push({ chart, columns, summary, element });
+      const shape = { unit, series, width: this.place.clientWidth || 600, is_first: this.charts.length === 0 };
+      const chart = draw(shape, this.answers, element, () => this.marks, (is) => show(this.zoomed, is));
+      this.charts.push({ chart, series, summary, element });
     }
     this.describe();
   }
 
+  pan(share) {
+    for (const { chart } of this.charts) {
+      const { min, max } = chart.scales.x;
+      const by = (max - min) * share;
+      chart.setScale("x", { min: min + by, max: max + by });
+    }
+  }
+
+  whole() {
+    this.charts.forEach(({ chart }) => chart.setData(chart.data));
+    show(this.zoomed, false);
+  }
+
   /** Says in words what the curves show. */
   describe() {
-    for (const { columns, summary, element } of this.charts) {
-      const told = columns.map(({ label, name, unit, index }) => {
-        const values = this.answer.values[index].filter((value) => value !== null);
-        if (values.length === 0) return `${label ?? name}: no values`;
+    const span = SPANS.find(([value]) => value === this.span.value)[1];
+    for (const { series, summary, element } of this.charts) {
+      const told = series.map(({ answer, index, label, unit }) => {
+        const values = this.answers[answer].values[index].filter((value) => value !== null);
+        if (values.length === 0) return `${label}: no values`;
         const [least, most] = [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
-        return `${label ?? name}: ${number(values.at(-1))} ${written(unit)} last, ${number(least)} to ${number(most)} ${written(unit)} in the last hour`;
+        return `${label}: ${number(values.at(-1))} ${written(unit)} last, ${number(least)} to ${number(most)} ${written(unit)} in ${span}`;
       });
       text(summary, told.join(". "));
       element.setAttribute("aria-label", `Chart. ${told.join(". ")}`);
@@ -103,56 +177,53 @@ export class Trend {
   }
 }
 
-/** Shows new data; a part that was zoomed into stays. */
-function renew(chart, next) {
-  const { min, max } = chart.scales.x;
-  const times = chart.data[0];
-  const is_zoomed = times.length > 0 && (min > times[0] || max < times.at(-1));
-  chart.setData(next, !is_zoomed);
-  if (is_zoomed) chart.redraw();
+/** The names of those columns that are shown unless others are chosen. */
+function usual(columns) {
+  if (columns.length <= USUAL_UNITS.length) return columns.map(({ name }) => name);
+  const left = [...USUAL_UNITS];
+  const is = ({ unit }) => left.includes(unit) && left.splice(left.indexOf(unit), 1).length > 0;
+  const found = columns.filter(is).map(({ name }) => name);
+  return found.length > 0 ? found : columns.slice(0, 1).map(({ name }) => name);
 }
 
-function data({ end_at_s, step_s, values }, columns) {
-  const count = Math.max(0, ...values.map((column) => column.length));
-  const times = Array.from({ length: count }, (_, index) => end_at_s - (count - 1 - index) * step_s);
-  return [times, ...columns.map(({ index }) => values[index])];
-}
+/** Some of many, behind one word. */
+class Choice {
+  constructor(label, changed) {
+    this.label = label;
+    this.changed = changed;
+    this.boxes = new Map();
+    /** A person has chosen. */
+    this.is_changed = false;
+    this.summary = h("summary", {}, label);
+    this.list = h("div", { class: "boxes" });
+    this.element = h("details", { class: "several" }, this.summary, this.list);
+    document.addEventListener("click", ({ target }) => this.element.contains(target) || (this.element.open = false));
+  }
 
-function options(unit, columns, width, height) {
-  const style = getComputedStyle(document.documentElement);
-  const colour = (name) => style.getPropertyValue(name).trim();
-  const font = `12px ${style.getPropertyValue("--font").trim()}`;
-  const axis = { stroke: colour("--muted"), font, grid: { stroke: colour("--grid"), width: 1 }, ticks: { show: false } };
-  const decimals = unit === "Hz" ? 2 : 1;
-  return {
-    width,
-    height,
-    padding: [8, 12, 0, 0],
-    // Where nothing can hover over a curve, its legend has no value to show.
-    legend: { live: matchMedia("(hover: hover)").matches },
-    cursor: { sync: { key: "trend" }, drag: { x: true, y: false } },
-    scales: { x: { time: true }, y: { range: (_, least, most) => range(least, most) } },
-    axes: [
-      { ...axis, values: (_, splits) => splits.map((at) => clock(at * 1000).slice(0, 5)), space: 60, size: 28 },
-      { ...axis, size: 52, values: (_, splits) => splits.map((value) => number(value)) },
-    ],
-    series: [
-      { label: "Time", value: (_, at) => (at === null ? "–" : clock(at * 1000)) },
-      ...columns.map(({ label, name, index }) => ({
-        label: `${label ?? name} (${written(unit)})`,
-        stroke: colour(COLOURS[index % COLOURS.length]),
-        width: 2,
-        dash: name.includes("setpoint") ? [6, 4] : undefined,
-        points: { show: false },
-        value: (_, value) => (value === null || value === undefined ? "–" : number(value, decimals)),
-      })),
-    ],
-  };
-}
+  /** Offers these, as name and label. What was chosen stays; without a choice it is `usual`. */
+  offer(options, usual) {
+    const make = ([name, label]) => {
+      const box = h("input", { type: "checkbox", change: () => this.take() });
+      box.checked = !this.is_changed && usual.includes(name);
+      return { box, element: h("label", {}, box, " ", label) };
+    };
+    keyed(this.list, this.boxes, options, ([name]) => name, make);
+    if (!this.is_changed) this.boxes.forEach(({ box }, name) => (box.checked = usual.includes(name)));
+    this.tell();
+  }
 
-/** From zero where zero is near, so that a small change does not look like a large one. */
-function range(least, most) {
-  if (least === null || most === null) return [0, 1];
-  const margin = (most - least) * 0.1 || Math.abs(most) * 0.1 || 1;
-  return [least >= 0 && least < most * 0.6 ? 0 : least - margin, most + margin];
+  chosen() {
+    return [...this.boxes].filter(([, { box }]) => box.checked).map(([name]) => name);
+  }
+
+  take() {
+    this.is_changed = true;
+    this.tell();
+    this.changed();
+  }
+
+  tell() {
+    const chosen = this.chosen();
+    text(this.summary, `${this.label}: ${chosen.length === 1 && chosen[0].length < 20 ? chosen[0].replaceAll("_", " ") : number(chosen.length)}`);
+  }
 }
