@@ -49,13 +49,25 @@ fn pictures_of_the_page_for_the_readme() {
         ("page-phone", Window::PHONE),
         ("page-phone-dark", Window::PHONE.dark()),
     ] {
-        browser.resize(window);
-        browser.script("scrollTo(0, 0)");
-        browser.hide_scroll_bars();
-        let picture = browser.picture();
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(format!("{name}.png")), &picture).unwrap();
-        assert!(picture.len() < BYTES_MAX, "{name}: {} bytes", picture.len());
+        take(&browser, name, window);
     }
+    let crowd = include_str!("crowd.js");
+    let states = "['running', 'running', 'stopping', 'tripped', 'running in reverse', 'offline', 'warned', 'stopped']";
+    browser.script(&format!(
+        "return (async () => {{ {crowd}\n crowd(31); const states = {states}; \
+         drives.update(names(31).map((name, index) => in_state(name, states[index % states.length]))); return true; }})()"
+    ));
+    take(&browser, "page-32-desktop", DESKTOP);
+    take(&browser, "page-32-phone", Window::PHONE);
+}
+
+/// Writes a picture of what the window shows into `docs/`.
+fn take(browser: &Browser, name: &str, window: Window) {
+    browser.resize(window);
+    browser.script("scrollTo(0, 0)");
+    browser.hide_scroll_bars();
+    let picture = browser.picture();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    std::fs::write(folder.join(format!("{name}.png")), &picture).unwrap();
+    assert!(picture.len() < BYTES_MAX, "{name}: {} bytes", picture.len());
 }
