@@ -24,7 +24,7 @@
 //! | `checking` | what `check` and the other commands say, and their exit codes |
 //! | `adding` | the drive that the tutorial adds is checked, played and run as it says |
 //! | `documents` | the reference lists every command, option and key, and the links of all documents lead somewhere |
-//! | `guides` | the guides under `docs/` do as they say |
+//! | `guides` | the guides under `docs/` and the README, followed literally from their beginning to a live value |
 //! | `initialising` | `init`: from a line of unknown drives to a gateway that serves them |
 //! | `new_models` | `models new`: from answers, with a drive that is read meanwhile, from a device template |
 //! | `manual` | completions, manual pages and `map` |
@@ -144,7 +144,7 @@ mod fleet;
 mod fleet_commands;
 #[path = "process/flooding.rs"]
 mod flooding;
-#[path = "process/guides.rs"]
+#[path = "process/guides/mod.rs"]
 mod guides;
 #[path = "process/half_open.rs"]
 mod half_open;

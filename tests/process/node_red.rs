@@ -3,6 +3,7 @@
 
 use super::mosquitto::free_port;
 use super::plant::{FREQUENCY, Plant, RUN};
+use super::rig::Place;
 use super::started::{PATIENCE, Started, until};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
@@ -13,22 +14,22 @@ use std::time::{Duration, Instant};
 /// It reads some hundred files before it begins.
 const START_MAX: Duration = Duration::from_secs(60);
 
-struct NodeRed {
+pub struct NodeRed {
     program: Started,
     port: u16,
 }
 
 impl NodeRed {
-    /// Starts it with the flow, and waits until that is connected.
-    fn start(plant: &Plant) -> Self {
-        let (port, directory) = (free_port(), plant.place.file("node-red"));
+    /// Starts it with `flow` in a directory of `place`, and waits until that is connected.
+    pub fn start(place: &Place, flow: &str) -> Self {
+        let (port, directory) = (free_port(), place.file("node-red"));
         std::fs::create_dir(&directory).unwrap();
         let settings = format!(
             "module.exports = {{ uiHost: '127.0.0.1', uiPort: {port}, lang: 'en-US', credentialSecret: false, \
              telemetry: {{ enabled: false, updateNotification: false }} }};"
         );
         std::fs::write(directory.join("settings.js"), settings).unwrap();
-        std::fs::write(directory.join("flow.json"), flow(plant)).unwrap();
+        std::fs::write(directory.join("flow.json"), flow).unwrap();
         let installed = root().join("tests/process/node-red/node_modules/node-red/red.js");
         assert!(installed.exists(), "Node-RED is not there; run tests/run, which installs it");
         let mut command = Command::new("node");
@@ -60,7 +61,7 @@ impl NodeRed {
     }
 
     /// Waits until it says something else than what it had said `before`, with `part` in it.
-    fn wait_for(&self, node: &str, before: usize, part: &str) -> String {
+    pub fn wait_for(&self, node: &str, before: usize, part: &str) -> String {
         until(&format!("{part} of {node}; it said {:?}", self.program.text()), PATIENCE, || {
             self.said(node).into_iter().skip(before).find(|text| text.contains(part))
         })
@@ -83,7 +84,7 @@ fn root() -> PathBuf {
 #[test]
 fn the_flow_of_node_red_moves_the_drive_and_shows_it() {
     let plant = Plant::new();
-    let node_red = NodeRed::start(&plant);
+    let node_red = NodeRed::start(&plant.place, &flow(&plant));
     node_red.wait_for("presence", 0, "online");
 
     node_red.press("vfd-forward");
