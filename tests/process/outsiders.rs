@@ -237,7 +237,8 @@ fn run(command: &mut Command) -> Output {
     command.output().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run, which installs it"))
 }
 
-fn python() -> PathBuf {
+/// The Python of the tests, with what `requirements.txt` names.
+pub fn python() -> PathBuf {
     let python = tests().join(".venv/bin/python");
     assert!(python.exists(), "{} is missing; run tests/run, which makes it", python.display());
     python

@@ -10,11 +10,14 @@
 //! | `at_home` | Home Assistant, Node-RED |
 //! | `on_site` | a real drive, the simulator, installing and running it |
 //!
+//! `figures` looks at the figures of all documents.
+//!
 //! `follow` is the reader, `text` and `lines` what is read, `broker` the broker on the network of the guides.
 
 mod at_home;
 mod beside_demo;
 mod broker;
+mod figures;
 mod first_steps;
 mod follow;
 mod lines;
