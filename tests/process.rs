@@ -26,6 +26,7 @@
 //! | `documents` | the reference lists every command, option and key, and the links of all documents lead somewhere |
 //! | `guides` | the guides under `docs/` and the README, followed literally from their beginning to a live value |
 //! | `initialising` | `init`: from a line of unknown drives to a gateway that serves them |
+//! | `asked` | `init` at a terminal: how much a person is asked, and that Home Assistant sees what was found |
 //! | `new_models` | `models new`: from answers, with a drive that is read meanwhile, from a device template |
 //! | `manual` | completions, manual pages and `map` |
 //! | `containers` | what the Dockerfile and its guide say of the program is true |
@@ -86,6 +87,8 @@
 mod adding;
 #[path = "process/addon.rs"]
 mod addon;
+#[path = "process/asked.rs"]
+mod asked;
 #[path = "process/asking.rs"]
 mod asking;
 #[path = "process/beginning.rs"]

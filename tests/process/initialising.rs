@@ -13,6 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use vfd_gateway::daemon::host::pty::Pty;
+use vfd_gateway::daemon::lines::simulated_end::AtSpeed;
 use vfd_gateway::daemon::lines::simulator;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
@@ -20,31 +21,39 @@ use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 /// Two drives of each of four makers.
-const MODELS: [&str; 4] = ["hyundai-n700", "teco-e510", "frecon-fr500a", "delta-ms300"];
+pub const MODELS: [&str; 4] = ["hyundai-n700", "teco-e510", "frecon-fr500a", "delta-ms300"];
 const PASSWORD: &str = "correct horse";
 
 /// A line with eight drives, at stations 1 to 8. It ends with this.
-struct Yard {
-    port: PathBuf,
+pub struct Yard {
+    pub port: PathBuf,
     over: Arc<AtomicBool>,
     player: Option<JoinHandle<()>>,
 }
 
 impl Yard {
-    fn new() -> Self {
+    /// Where bytes take time, the drives hear only what is sent at their own speed, 9600 bit/s.
+    pub fn new(pacing: Pacing) -> Self {
         let pty = Pty::new().unwrap();
         let port = pty.path().to_owned();
         let over = Arc::new(AtomicBool::new(false));
         let is_over = Arc::clone(&over);
         let player = std::thread::spawn(move || {
             let catalog = vendors::catalog();
-            let options = BusOptions { pacing: Pacing::None, ..BusOptions::default() };
+            let options = BusOptions { pacing, ..BusOptions::default() };
             let mut bus = SimBus::new(LinkSettings::DEFAULT, options, 1);
             for (station, id) in (1..).zip(MODELS.iter().flat_map(|id| [id, id])) {
                 let model = Arc::clone(catalog.find(id).unwrap());
                 bus.connect(Station(station), SimDrive::new(model, DriveOptions::default()));
             }
-            simulator::play(&pty, &mut bus, &is_over, |_, _| ()).unwrap();
+            match pacing {
+                Pacing::None => simulator::play(&pty, &mut bus, &is_over, |_, _| ()),
+                Pacing::CharacterTimes => {
+                    let line = AtSpeed { pty: &pty, baud: 9600, stop_bits: 1 };
+                    simulator::play(line, &mut bus, &is_over, |_, _| ())
+                }
+            }
+            .unwrap();
         });
         Self { port, over, player: Some(player) }
     }
@@ -72,7 +81,7 @@ fn init(out: &Path, args: &[&str], answers: &[&str]) -> Output {
 
 #[test]
 fn eight_unknown_drives_are_served_after_a_few_answers() {
-    let yard = Yard::new();
+    let yard = Yard::new(Pacing::None);
     let place = Place::new();
     let out = place.file("vfd-gateway.toml");
     let data = place.file("data");
