@@ -55,7 +55,8 @@ fn pictures_of_the_page_for_the_readme() {
     let states = "['running', 'running', 'stopping', 'tripped', 'running in reverse', 'offline', 'warned', 'stopped']";
     browser.script(&format!(
         "return (async () => {{ {crowd}\n crowd(31); const states = {states}; \
-         drives.update(names(31).map((name, index) => in_state(name, states[index % states.length]))); return true; }})()"
+         drives.update(names(31).map((name, index) => in_state(name, states[index % states.length]))); \
+         filter.count(drives.all()); return true; }})()"
     ));
     take(&browser, "page-32-desktop", DESKTOP);
     take(&browser, "page-32-phone", Window::PHONE);

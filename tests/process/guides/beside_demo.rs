@@ -157,6 +157,11 @@ fn the_readme_works() {
     guide.follow(|guide, typed| {
         if typed.line.ends_with("-- demo") {
             broker_of_the_demo(guide, typed);
+        } else if typed.line.starts_with("mosquitto_sub") {
+            // A person who reads what the line shows is slower than the first answers of the drive.
+            guide.watcher("mosquitto_sub").wait_for("that the drive stands", |line| {
+                (line == "vfd/demo/drive/pump-1/run/state stopped").then_some(())
+            });
         } else if typed.line.starts_with("mosquitto_pub") {
             let said = |what: &str, found: &dyn Fn(&str) -> bool| {
                 guide.watcher("mosquitto_sub").wait_for(what, |line| found(line).then_some(()));
