@@ -1,10 +1,10 @@
 //! The demo's data directory, which lasts as long as the demo.
 
+use crate::daemon::host::clock;
 use std::fs::{self, DirBuilder};
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 /// A directory of its own among the temporary files; removed when dropped.
 pub(super) struct DataDir(PathBuf);
@@ -12,8 +12,7 @@ pub(super) struct DataDir(PathBuf);
 impl DataDir {
     /// Creates it. An existing one is never used: somebody else may have made it.
     pub(super) fn make() -> io::Result<Self> {
-        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let name = format!("vfd-gateway-demo-{}-{:x}", std::process::id(), since.subsec_nanos());
+        let name = format!("vfd-gateway-demo-{}-{:x}", std::process::id(), clock::wall().unix_ms);
         let path = std::env::temp_dir().join(name);
         DirBuilder::new().mode(0o700).create(&path)?;
         Ok(Self(path))

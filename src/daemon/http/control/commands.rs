@@ -50,7 +50,8 @@ pub(super) async fn command(
         return unknown(&control, &name);
     };
     let is_allowed = rights.may_command(drive.description.group.as_ref());
-    if !is_allowed && !(rights.may_stop() && stop_in(&body).is_some()) {
+    let is_stop = rights.may_stop() && stop_in(&body).is_some();
+    if !is_allowed && !is_stop {
         keep(Reason::NotAllowed);
         return not_allowed(drive);
     }
