@@ -209,9 +209,14 @@ fn large_plant(place: &Place) -> (Vec<Started>, String) {
             simulate.args(["--station", &station.to_string()]);
         });
         let started = Started::new(simulate);
-        started.wait_for("that it plays", |said| said.contains("station 16").then_some(()));
+        started.wait_for("that it plays", |said| said.contains("stations 1,").then_some(()));
         played.push(started);
-        write!(text, "\n[[line]]\nname = \"hall-{line}\"\nport = \"{}\"\nbaud = 38400\n", port.display()).unwrap();
+        write!(
+            text,
+            "\n[[line]]\nname = \"hall-{line}\"\nport = \"{}\"\nbaud = 38400\nstop_bits = 2\n",
+            port.display()
+        )
+        .unwrap();
         for station in 1..=drives {
             write!(
                 text,
