@@ -76,13 +76,12 @@ impl Drive<'_> {
     /// When the oldest value was read that is read again and again; `None` if none of them is fresh.
     #[must_use]
     pub fn oldest_at(&self, now: MonoTime) -> Option<MonoTime> {
-        let is_moving =
-            |register: &&Register| matches!(register.poll, Some(PollClass::Fast | PollClass::Second | PollClass::Slow));
+        let is_live = |register: &&Register| register.poll.is_some_and(PollClass::is_live);
         let read_at = |register: &Register| {
             let is_fresh = quality(self.description, register, self.view, now).word() == "good";
             self.view.snapshot.value(register).filter(|_| is_fresh).map(|reading| reading.at)
         };
-        self.polled().filter(is_moving).filter_map(read_at).min()
+        self.polled().filter(is_live).filter_map(read_at).min()
     }
 
     /// The output frequency, unless it is stale.

@@ -1,6 +1,6 @@
 //! Trends that are kept: every polled value with a unit, in rows of a minute, ten minutes and an hour.
 //!
-//! A minute is collected in memory and handed out whole. Whoever stores it merges it into its row of each [`Level`], so
+//! A minute is collected in memory and returned as a whole. The store merges it into its row of each [`Level`], so
 //! that an end without notice loses at most the minute that was being collected.
 
 use super::drive::Drive;
@@ -135,6 +135,8 @@ pub struct Collector {
 #[derive(Debug)]
 struct Collected {
     columns: Vec<Column>,
+    /// The same as a JSON document.
+    document: String,
     cells: Vec<Cell>,
 }
 
@@ -145,7 +147,10 @@ impl Collector {
         for drive in drives {
             let columns = columns(drive);
             let known = old.remove(&drive.name).filter(|known| known.columns == columns);
-            let new = || Collected { cells: vec![Cell::EMPTY; columns.len()], columns };
+            let new = || {
+                let document = columns.iter().map(Column::kept).collect::<Value>().to_string();
+                Collected { cells: vec![Cell::EMPTY; columns.len()], document, columns }
+            };
             self.drives.insert(drive.name.clone(), known.unwrap_or_else(new));
         }
     }
@@ -161,7 +166,7 @@ impl Collector {
         let before = self.at_s.replace(at_s).filter(|before| *before != at_s);
         let finished = before.map(|at_s| self.finish(at_s)).unwrap_or_default();
         for drive in drives {
-            let Some(Collected { columns, cells }) = self.drives.get_mut(&drive.description.name) else { continue };
+            let Some(Collected { columns, cells, .. }) = self.drives.get_mut(&drive.description.name) else { continue };
             for (column, cell) in columns.iter().zip(cells) {
                 *cell = column.read(&drive, now).map_or(*cell, |value| cell.with(Cell::of(value)));
             }
@@ -173,8 +178,7 @@ impl Collector {
         let drives = self.drives.iter_mut().filter(|(_, it)| it.cells.iter().any(|cell| cell.count > 0));
         let minute = |(drive, it): (&Name, &mut Collected)| {
             let cells = it.cells.iter_mut().map(|cell| std::mem::replace(cell, Cell::EMPTY)).collect();
-            let columns = it.columns.iter().map(Column::kept).collect::<Value>().to_string();
-            Minute { drive: drive.clone(), columns, at_s, cells }
+            Minute { drive: drive.clone(), columns: it.document.clone(), at_s, cells }
         };
         drives.map(minute).collect()
     }
@@ -185,8 +189,9 @@ fn columns(drive: &DriveDescription) -> Vec<Column> {
     let model = &drive.model;
     let setting = model.setting_register().map(|register| register.name.as_str());
     let is_kept = |register: &&Register| {
-        let is_moving = matches!(register.poll, Some(PollClass::Fast | PollClass::Second | PollClass::Slow));
-        is_moving && register.unit != UnitOfMeasure::None && Some(register.name.as_str()) != setting
+        register.poll.is_some_and(PollClass::is_live)
+            && register.unit != UnitOfMeasure::None
+            && Some(register.name.as_str()) != setting
     };
     let is_output = |register: &&Register| register.role == Some(Role::OutputFrequency);
     let column = |register: &Register| Column::of_register(drive, register);

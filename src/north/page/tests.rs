@@ -80,8 +80,7 @@ fn the_age_of_a_drive_is_that_of_what_is_read_again_and_again() {
     let mut view = view(&description, 0);
     let later = NOW + Duration::from_secs(600);
     assert_eq!(document(&description, &view, later)["oldest_ms"], json!(null), "all that moves is stale");
-    let moves =
-        |register: &&Register| matches!(register.poll, Some(PollClass::Fast | PollClass::Second | PollClass::Slow));
+    let moves = |register: &&Register| register.poll.is_some_and(PollClass::is_live);
     for register in description.model.registers.iter().filter(moves) {
         view.snapshot.take(register.address, &[0], later);
     }

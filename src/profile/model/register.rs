@@ -156,6 +156,13 @@ pub enum PollClass {
 impl PollClass {
     /// All classes, in the order of their declaration.
     pub const ALL: [Self; 5] = [Self::Fast, Self::Second, Self::Slow, Self::Minutely, Self::Hourly];
+
+    /// Whether it is read every few seconds. A value that is polled less often is no measurement: its age says nothing about
+    /// the drive.
+    #[must_use]
+    pub const fn is_live(self) -> bool {
+        matches!(self, Self::Fast | Self::Second | Self::Slow)
+    }
 }
 
 /// The documented access to a register.

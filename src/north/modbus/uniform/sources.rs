@@ -30,9 +30,8 @@ pub(super) struct Sources {
     pub(super) has_control: bool,
 }
 
-/// A value that is polled this seldom is no measurement: its age says nothing about the drive.
 fn is_live(register: &&Register) -> bool {
-    register.poll.is_some_and(|poll| !matches!(poll, PollClass::Minutely | PollClass::Hourly))
+    register.poll.is_some_and(PollClass::is_live)
 }
 
 impl Sources {
