@@ -173,13 +173,15 @@ impl LiveState {
 
     /// A new listener, with the state as its first event; `None` if too many large answers are unread.
     fn listen(&mut self, live: &Live, stay: super::lasting::Stay) -> Option<Listener> {
+        // Existing listeners received an earlier state; that one is kept, so that they get every change.
+        let is_first = self.last.is_none();
         let (first, last) = self.source(live, |source| {
             let moment = live.moments.at(source.present.now);
-            (events::first(&source.document().to_string(), &moment), LastState::now(source))
+            let last = is_first.then(|| LastState::now(source));
+            (events::first(&source.document().to_string(), &moment), last)
         });
         let first = live.room.pieces(first.into())?;
-        // Existing listeners received an earlier state; keep that one, so that they get every change.
-        self.last.get_or_insert(last);
+        self.last = self.last.take().or(last);
         Some(self.listeners.add(first, stay))
     }
 
