@@ -98,7 +98,7 @@ export class Controls {
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
-      show(hold.element, can.includes(word) || word === "take");
+      show(hold.element, can.includes(word));
       // What would be run at a number that is not allowed is not run at all.
       const is_on = this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);

@@ -76,7 +76,7 @@ export function stopping() {
   tell(h("p", {}, h("b", {}, "STOP ALL"), " sent"));
 }
 
-/** Shows how it ended in one row, with the exceptions below; returns the sentence. */
+/** Shows how it ended in one row, with the exceptions below; returns the sentence, and the drives that failed. */
 export function stopped(told, took_ms) {
   const failed = told.filter(({ outcome: word }) => word !== "acknowledged" && word !== "confirmed");
   const time = `${(took_ms / 1000).toFixed(1)} s`;
@@ -86,7 +86,7 @@ export function stopped(told, took_ms) {
     h("li", { class: "bad" }, h("b", {}, drive), ` ${words(word)}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`));
   const summary = h("p", { class: failed.length === 0 ? "good" : "bad" }, h("b", {}, "STOP ALL "), sentence, " ", close);
   tell(summary, rows.length > 0 ? h("ul", {}, ...rows) : null);
-  return sentence;
+  return { sentence, failed };
 }
 
 function tell(...parts) {

@@ -76,8 +76,7 @@ async function stop_all() {
   problems.stopping();
   const begun = performance.now();
   const told = await session.stop_all();
-  const sentence = problems.stopped(told, performance.now() - begun);
-  const failed = told.filter(({ outcome }) => outcome !== "acknowledged" && outcome !== "confirmed");
+  const { sentence, failed } = problems.stopped(told, performance.now() - begun);
   const names = failed.map(({ drive }) => drive).join(", ");
   announce(failed.length === 0 ? sentence : `${sentence}. Not confirmed: ${names}`, failed.length > 0);
 }
