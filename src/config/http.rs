@@ -71,7 +71,7 @@ fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
     }
 }
 
-/// Whoever has to sign in needs a user.
+/// Where viewing requires a sign-in, there must be a user.
 fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
     let OptionalKey::Valid(view) = &http.view else { return };
     if view.value == Viewers::SignedIn && http.users.is_empty() {

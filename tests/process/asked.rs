@@ -35,7 +35,7 @@ const ANSWERS: [(&str, &str); 13] = [
     ("Run the gateway now", ""),
 ];
 
-/// `init`, with somebody at its terminal.
+/// `init` at a terminal.
 struct Dialogue {
     command: Started,
     keyboard: Pty,
@@ -100,7 +100,7 @@ fn a_person_is_asked_little_and_home_assistant_sees_eight_drives() {
             Some(answer) => answer.to_owned(),
             None if question.contains("Number of the port") => yard.port.display().to_string(),
             None if question.contains("on the nameplate") => on_the_nameplate(&question),
-            None => panic!("nobody has an answer to {question}"),
+            None => panic!("no answer is listed for {question}"),
         });
     }
     assert!(person.command.end_within(PATIENCE).success(), "{}", person.command.text());

@@ -8,7 +8,7 @@ const long = "a sentence that is longer than a card is wide, so that it would ta
 const trip = { active: false, code: null, text: null, count: 0, seen: 0, total: 0, last_at: null };
 const tripped = { active: true, code: 9, text: `overvoltage, ${long}`, count: 12, seen: 12, total: 12, last_at: "2026-01-02T03:04:05Z" };
 const owner = { owner: `page:${"a".repeat(40)}`, lease_left_ms: 4000, intent: "forward", setpoint_hz: 42.25 };
-const nobody = { owner: null, lease_left_ms: null, intent: "stop", setpoint_hz: null };
+const no_owner = { owner: null, lease_left_ms: null, intent: "stop", setpoint_hz: null };
 const quiet = { start_inhibited: false, command_pending: false, stop_pending: false, not_effective: false, failsafe: null };
 
 /** All that a card shows beside its values, by name. */
@@ -31,7 +31,7 @@ function in_state(name, state) {
   const { control = {}, ...rest } = STATES[state];
   const values = real.values.map((value) => (state === "offline" ? { ...value, quality: "stale", age_ms: 90_000 } : value));
   const drive = { ...real, name, values, trip, warning: null, watchdog: null, presence: "online", ...rest };
-  return { ...drive, control: { ...real.control, ...nobody, ...quiet, ...control } };
+  return { ...drive, control: { ...real.control, ...no_owner, ...quiet, ...control } };
 }
 
 const names = (many) => Array.from({ length: many }, (_, index) => `d-${index + 1}`);

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct DataDir(PathBuf);
 
 impl DataDir {
-    /// Creates it. An existing one is never used: somebody else may have made it.
+    /// Creates it. An existing one is never used: another user may have created it.
     pub(super) fn make() -> io::Result<Self> {
         let name = format!("vfd-gateway-demo-{}-{:x}", std::process::id(), clock::wall().unix_ms);
         let path = std::env::temp_dir().join(name);
@@ -25,7 +25,7 @@ impl DataDir {
 
 impl Drop for DataDir {
     fn drop(&mut self) {
-        // What is left is small, and nobody waits for an answer any more.
+        // A directory that cannot be removed is small, and the demo has ended.
         let _ = fs::remove_dir_all(&self.0);
     }
 }

@@ -34,8 +34,8 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     help(
         "demo",
         "Needs nothing but this program: it simulates four drives of four makers in two groups, includes a broker, keeps a \
-         journal in a temporary directory that is removed at the end, and listens on 127.0.0.1 only. It prints the addresses and three commands to try in another terminal. Enter trips a drive; Ctrl-C stops the drives \
-         and exits. If the broker is lost, the drives are stopped within 5 s.",
+         journal in a temporary directory that is removed at the end, and listens on 127.0.0.1 only. It prints the \
+         addresses and three commands to try in another terminal. Enter trips a drive; Ctrl-C stops the drives and exits. If the broker is lost, the drives are stopped within 5 s.",
         &[
             ("vfd-gateway demo", "Modbus TCP on port 1502, HTTP on 8080"),
             ("vfd-gateway demo --port 0 --http-port 0", "on any free ports"),
