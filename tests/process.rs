@@ -113,6 +113,8 @@ mod clusters;
 mod coming_and_going;
 #[path = "process/commanding.rs"]
 mod commanding;
+#[path = "process/commissioning.rs"]
+mod commissioning;
 #[path = "process/composing.rs"]
 mod composing;
 #[path = "process/containers.rs"]

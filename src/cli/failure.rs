@@ -1,6 +1,8 @@
 //! Why a command did not succeed.
 
 use super::log;
+use crate::daemon::lines::tool_line::NoLine;
+use crate::daemon::scan::ScanError;
 use std::fmt::Display;
 use std::process::ExitCode;
 
@@ -40,5 +42,17 @@ impl Failure {
     pub fn report(&self) -> ExitCode {
         log::complain(format!("{}\n", self.message).as_bytes());
         ExitCode::from(self.code)
+    }
+}
+
+impl From<NoLine> for Failure {
+    fn from(error: NoLine) -> Self {
+        Self::failed(error)
+    }
+}
+
+impl From<ScanError> for Failure {
+    fn from(error: ScanError) -> Self {
+        Self::failed(error)
     }
 }

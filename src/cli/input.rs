@@ -5,6 +5,7 @@ use super::output::few;
 use super::own_models::{ModelDirs, OwnModels};
 use crate::config::qualified::Qualified;
 use crate::config::{self, Config};
+use crate::daemon::commissioning::Judged;
 use crate::daemon::host::user_files;
 use crate::daemon::qualified_file;
 use crate::domain::problem::{Problem, alternatives, nearest_names};
@@ -157,6 +158,21 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
     problems.sort_by_key(|problem| problem.span.start);
     found.extend((!problems.is_empty()).then(|| of_this(problems)));
     Ok((Err(found), text))
+}
+
+/// What `text` would be as the configuration in the file at `path`.
+///
+/// # Errors
+/// The operator's own models cannot be used.
+pub fn judged(path: &Path, text: &str) -> Result<Judged, Failure> {
+    let (own, problems) = own_models_of(&config::model_dirs(text));
+    if !problems.is_empty() {
+        return Err(Failure::wrong(draw(path, text, &problems)));
+    }
+    let catalog = joined(&own)?;
+    let site = tried_at_site(text);
+    let config = config::load_at_site(text, &catalog, site.as_ref().map_err(String::as_str));
+    Ok(Judged { catalog, config })
 }
 
 /// What was tried at the drives of the configuration in `text`: nothing without a data directory or a file in it.

@@ -20,7 +20,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let config = input::configuration(&args.config)?;
     let file = args.config.clone();
     let read = move || input::configuration(&file).map_err(|failure| failure.to_string());
-    let load = Load { file: args.config.clone(), read: Arc::new(read) };
+    let file = args.config.clone();
+    let judge = move |text: &str| input::judged(&file, text).map_err(|failure| failure.to_string());
+    let load = Load { file: args.config.clone(), read: Arc::new(read), judge: Arc::new(judge) };
     let mut end = Ok(());
     let started = daemon::run(&config, Some(load), async |running| {
         let told = match told_to_end() {

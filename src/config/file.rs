@@ -234,8 +234,16 @@ pub(super) struct HttpFile {
     pub allow: OptionalKey<Vec<IpNet>>,
     pub hosts: OptionalKey<Vec<Spanned<String>>>,
     pub view: OptionalKey<Viewers>,
+    pub setup: OptionalKey<bool>,
     pub users: Vec<HttpUserFile>,
     pub tls: OptionalKey<HttpTlsFile>,
+}
+
+impl HttpFile {
+    /// Whether the configuration is changed in the page.
+    pub fn sets_up(&self) -> bool {
+        self.setup.valid().is_some_and(|written| written.value)
+    }
 }
 
 /// One `[[http.users]]`.

@@ -21,6 +21,7 @@ pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) 
     users_command(http, file, problems);
     names_are_unique(&http.users, problems);
     viewers_can_sign_in(http, problems);
+    setup_has_users(http, problems);
     groups_exist(http, file, problems);
     let hosts = hosts(&http.hosts, problems);
     let users: Vec<_> = http.users.iter().map(|user| ready_user(user, problems)).collect();
@@ -37,6 +38,7 @@ pub(super) fn settle(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) 
         allow: http.allow.clone().optional()?,
         hosts: hosts?,
         view: http.view.or(Viewers::Anyone)?,
+        setup: http.setup.or(false)?,
         users: users.into_iter().collect::<Option<_>>()?,
         tls,
     })
@@ -59,9 +61,12 @@ fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
         OptionalKey::Invalid => true,
         OptionalKey::Valid(control) => control.value.from.is_none() || control.value.names(Way::Page).is_some(),
     };
-    // Where one has to sign in to look, a user has an effect without any control.
+    // Where one has to sign in to look or sets up in the page, a user has an effect without any control.
     let is_private = matches!(&http.view, OptionalKey::Valid(view) if view.value == Viewers::SignedIn);
-    if !is_private && !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control)) {
+    if !is_private
+        && !http.sets_up()
+        && !file.lines.iter().flat_map(|line| &line.drives).any(|drive| takes(&drive.control))
+    {
         let problem = user.location.problem("has no effect: no drive takes commands from \"page\"");
         let right = "`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`";
         problems.push(problem.right(right).warning());
@@ -78,6 +83,23 @@ fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
         let problem = view.location.problem("nobody can sign in: there are no `users`");
         problems
             .push(problem.right("a `[[http.users]]`, with `role = \"view\"` for one who only looks, or \"anyone\""));
+    }
+}
+
+/// Set-up in the page and the role for it belong together.
+fn setup_has_users(http: &HttpFile, problems: &mut Vec<Problem>) {
+    let setup = http.setup.valid().filter(|written| written.value);
+    let user = http.users.iter().find_map(|user| user.role.valid().filter(|role| role.value == Role::Setup));
+    match (setup, user) {
+        (Some(setup), None) => {
+            let problem = setup.location.problem("nobody may set up: no user has the role `setup`");
+            problems.push(problem.right("`role = \"setup\"` in a `[[http.users]]`, or no `setup`"));
+        }
+        (None, Some(role)) => {
+            let problem = role.location.problem("is no more than \"maintain\": set-up in the page is off");
+            problems.push(problem.right("`setup = true` in [http], or \"maintain\"").warning());
+        }
+        _ => (),
     }
 }
 

@@ -290,13 +290,14 @@ pub const KEYS: &[Key] = &[
     key(Section::Http, "allow", "list of networks", Some("all clients, which are on this host: required unless the address is loopback"), "Who may connect and see everything."),
     key(Section::Http, "hosts", "list of host names", Some("none but the host's own and `localhost`"), "Additional host names for the gateway in browsers, without a port. IP addresses are always accepted."),
     key(Section::Http, "view", "\"anyone\" or \"signed-in\"", Some("\"anyone\""), "Who sees the drives on the page and below `/api/v1/`: every client in `allow`, or users who have signed in. `/healthz`, `/readyz` and `/metrics` stay open to `allow`."),
+    key(Section::Http, "setup", "`true` or `false`", Some("`false`"), "Users with the role `\"setup\"` find drives and add lines in the page, which changes this file."),
     key(Section::Http, "users", "tables", Some("none: no commands from the page"), "Who may sign in and command. Requires `tls` unless the address is loopback."),
     key(Section::Http, "tls", "table", Some("none: connections are not encrypted"), "HTTPS instead of HTTP."),
 
     key(Section::HttpUser, "name", "name of up to 32 characters", None, "The name of the user, also in the audit."),
     key(Section::HttpUser, "password_hash", "argon2id hash", Some("`password_hash_file`"), "The password as `vfd-gateway password` prints it."),
     key(Section::HttpUser, "password_hash_file", "absolute path", Some("`password_hash`"), "The file with this text. One of the two is required."),
-    key(Section::HttpUser, "role", "\"view\", \"operate\" or \"maintain\"", Some("\"maintain\""), "What the user may do: look; command drives; or everything that the page offers, as saving diagnostics."),
+    key(Section::HttpUser, "role", "\"view\", \"operate\", \"maintain\" or \"setup\"", Some("\"maintain\""), "What the user may do: look; command drives; everything that a plant in service needs, as saving diagnostics; or, with `setup = true`, change the configuration as well."),
     key(Section::HttpUser, "groups", "list of groups of drives", Some("all drives"), "The groups whose drives the user may command. A stop works for all drives."),
 
     key(Section::HttpTls, "cert_file", "absolute path", None, "The certificate of the gateway, with its intermediate certificates."),

@@ -13,6 +13,7 @@ mod broker;
 pub mod change;
 mod commanders;
 mod control;
+pub mod edit;
 mod file;
 mod full_scale;
 mod host;
@@ -37,9 +38,10 @@ mod resolve;
 mod secrets;
 #[cfg(test)]
 mod tests;
-mod units;
+pub mod units;
 mod watchdog;
 pub mod words;
+pub mod written;
 
 pub use acceptance::is_unproven;
 pub use control::why_not as why_not_controlled;

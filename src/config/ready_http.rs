@@ -18,6 +18,8 @@ pub struct HttpSettings {
     pub hosts: Vec<String>,
     /// Who sees the drives.
     pub view: Viewers,
+    /// Users with the role for it change the configuration in the page.
+    pub setup: bool,
     /// Users that may sign in and command. Empty: the page is read-only. Only on loopback or with TLS.
     pub users: Vec<UserSettings>,
     /// TLS settings. `None`: connections are not encrypted.

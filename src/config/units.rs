@@ -7,7 +7,7 @@ use crate::toml_file::{Location, OptionalKey};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Default distance of the uniform unit above the native one.
-const UNIFORM_ABOVE: u8 = 100;
+pub const UNIFORM_ABOVE: u8 = 100;
 
 /// The units of one drive; for each `None` there is a problem.
 #[derive(Clone, Copy, Debug, Default)]

@@ -60,8 +60,12 @@ impl RoleRight {
 pub const ROLE_RIGHTS: [(&str, RoleRight); 2] = [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
 
 /// Roles of the page's users.
-pub const ROLES: [(&str, Role); 3] =
-    [(Role::View.word(), Role::View), (Role::Operate.word(), Role::Operate), (Role::Maintain.word(), Role::Maintain)];
+pub const ROLES: [(&str, Role); 4] = [
+    (Role::View.word(), Role::View),
+    (Role::Operate.word(), Role::Operate),
+    (Role::Maintain.word(), Role::Maintain),
+    (Role::Setup.word(), Role::Setup),
+];
 
 /// Who sees the drives on the page.
 pub const VIEWERS: [(&str, Viewers); 2] = [("anyone", Viewers::Anyone), ("signed-in", Viewers::SignedIn)];
@@ -99,7 +103,8 @@ pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
 ];
 
 /// The effect of a fail-safe action, for messages.
-pub(super) const fn of_fail_safe(action: FailSafe) -> &'static str {
+#[must_use]
+pub const fn of_fail_safe(action: FailSafe) -> &'static str {
     match action {
         FailSafe::Stop => "the motor is stopped by its ramp",
         FailSafe::Coast => "the output is cut off, the motor coasts",

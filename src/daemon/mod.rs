@@ -6,6 +6,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]
 
+pub mod commissioning;
 pub mod exchange;
 pub mod host;
 pub mod http;
@@ -17,6 +18,7 @@ pub mod modbus_server;
 pub mod mqtt;
 pub mod port;
 pub mod qualified_file;
+pub mod scan;
 pub mod service;
 pub mod sparkplug;
 #[cfg(test)]

@@ -277,7 +277,8 @@ fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
             say.send(listener.local_addr().unwrap()).unwrap();
             let side = Arc::new(LocalSide::new(served.shared.clone(), None));
             let documents = http::Documents::new(Arc::clone(&served));
-            let control = Arc::new(Control::new(Arc::clone(&side), documents.live.moments().clone(), Front::default()));
+            let control =
+                Arc::new(Control::new(Arc::clone(&side), documents.live.moments().clone(), Front::default(), None));
             tokio::join!(http::serve(listener, documents.clone(), control), socket.serve(documents, side));
         });
     });

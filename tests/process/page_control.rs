@@ -19,12 +19,12 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 use vfd_gateway::daemon::host::pty::Pty;
 
-const PASSWORD: &str = "correct horse";
+pub const PASSWORD: &str = "correct horse";
 /// Longer than an order may be on its way.
 const STALL: Duration = Duration::from_secs(2);
 
 /// The hash of the password, as the program makes it.
-fn hash() -> &'static str {
+pub fn hash() -> &'static str {
     static HASH: OnceLock<String> = OnceLock::new();
     HASH.get_or_init(|| {
         let mut child = program().arg("password").stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
@@ -162,7 +162,7 @@ fn who_signs_in_commands_under_a_name_of_their_own() {
     assert!(cookie.ends_with("; HttpOnly; SameSite=Strict; Path=/"), "{cookie}");
     let session = anna.get("/api/v1/session").json();
     let moment = session["moment"].as_str().unwrap();
-    let mut right = json!({ "enabled": true, "private": false, "user": "anna", "role": "maintain", "groups": null });
+    let mut right = json!({ "enabled": true, "private": false, "user": "anna", "role": "maintain", "groups": null, "setup": false });
     right["token"] = anna.token.as_str().into();
     right["moment"] = moment.into();
     assert_eq!(session, right);

@@ -1,12 +1,12 @@
 //! Questions about the line: which port, which drives, what they are called.
 
-use super::answers::{DriveAnswers, LineAnswers};
 use super::args::Args;
 use super::ways::words;
 use crate::cli::progress::seconds;
 use crate::cli::questions::Questions;
 use crate::cli::scan::find::{Found, find};
 use crate::cli::{Failure, print};
+use crate::config::written::{NewControl, NewDrive, NewLine};
 use crate::config::{self, PortAddress};
 use crate::daemon::host::adapters::{self, Adapter};
 use crate::domain::ids::Name;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 const NAME_RULE: &str = "a name has 1 to 64 letters, digits, \"-\", \"_\" or \".\"";
 
 /// The line: its port, and the drives that are named or found on it.
-pub fn line<R: BufRead>(questions: &mut Questions<R>, args: &Args, catalog: &Catalog) -> Result<LineAnswers, Failure> {
+pub fn line<R: BufRead>(questions: &mut Questions<R>, args: &Args, catalog: &Catalog) -> Result<NewLine, Failure> {
     let port = port(questions, args)?;
     let mut line =
         if args.drive.is_empty() { found(questions, args, catalog, port)? } else { given(args, catalog, port)? };
@@ -64,7 +64,7 @@ fn listed(adapters: &[Adapter]) -> String {
 }
 
 /// What the flags say.
-fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<LineAnswers, Failure> {
+fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, Failure> {
     let drives = args.drive.iter().map(|text| given_drive(text, catalog)).collect::<Result<Vec<_>, _>>()?;
     let first = drives.first().map_or(LinkSettings::DEFAULT, |drive| drive.model.link.played());
     let link = LinkSettings {
@@ -74,10 +74,10 @@ fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<LineAnswer
         data_bits: first.data_bits,
     };
     let is_ascii = link.data_bits == 7;
-    Ok(LineAnswers { port, link, is_ascii, echoes: false, drives, notes: Vec::new() })
+    Ok(NewLine { name: "line-1".to_owned(), port, link, is_ascii, echoes: false, drives, notes: Vec::new() })
 }
 
-fn given_drive(text: &str, catalog: &Catalog) -> Result<DriveAnswers, Failure> {
+fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, Failure> {
     let wrong = || {
         Failure::wrong(format!(
             "--drive {text}: right is NAME=MODEL@STATION, such as pump-1=MODEL@1 with a model of `models list`"
@@ -93,8 +93,8 @@ fn given_drive(text: &str, catalog: &Catalog) -> Result<DriveAnswers, Failure> {
     Ok(drive(name.to_string(), Arc::clone(model), station, "as you said".to_owned()))
 }
 
-const fn drive(name: String, model: Arc<Model>, station: u8, why: String) -> DriveAnswers {
-    DriveAnswers { name, model, station, full_scale_hz: None, why, is_controlled: false }
+const fn drive(name: String, model: Arc<Model>, station: u8, why: String) -> NewDrive {
+    NewDrive { name, model, station, unit: None, full_scale_hz: None, why, control: None }
 }
 
 /// Looks for drives, and asks what a scan cannot tell.
@@ -103,7 +103,7 @@ fn found<R: BufRead>(
     args: &Args,
     catalog: &Catalog,
     port: PortAddress,
-) -> Result<LineAnswers, Failure> {
+) -> Result<NewLine, Failure> {
     let Found { setting, drives, others, echoes } =
         find(&port, catalog, &args.stations, args.baud, &args.link, |plan| {
             let (silent, _) = plan.duration();
@@ -129,7 +129,15 @@ fn found<R: BufRead>(
     let names = names(questions, args, &known.iter().map(|(station, ..)| *station).collect::<Vec<_>>())?;
     let drives = names.into_iter().zip(known).map(|(name, (station, model, why))| drive(name, model, station, why));
     let is_ascii = setting.framing == Framing::Ascii;
-    Ok(LineAnswers { port, link: setting.link, is_ascii, echoes, drives: drives.collect(), notes })
+    Ok(NewLine {
+        name: "line-1".to_owned(),
+        port,
+        link: setting.link,
+        is_ascii,
+        echoes,
+        drives: drives.collect(),
+        notes,
+    })
 }
 
 type Models = BTreeMap<u8, (Arc<Model>, String)>;
@@ -210,11 +218,7 @@ fn names<R: BufRead>(questions: &mut Questions<R>, args: &Args, stations: &[u8])
 }
 
 /// The frequency that stands for 100 %, asked once for each model that needs it.
-fn full_scale<R: BufRead>(
-    questions: &mut Questions<R>,
-    args: &Args,
-    drives: &mut [DriveAnswers],
-) -> Result<(), Failure> {
+fn full_scale<R: BufRead>(questions: &mut Questions<R>, args: &Args, drives: &mut [NewDrive]) -> Result<(), Failure> {
     let needing: BTreeSet<String> =
         drives.iter().filter(|drive| drive.model.needs_full_scale()).map(|drive| drive.model.id.clone()).collect();
     for id in needing {
@@ -229,11 +233,12 @@ fn full_scale<R: BufRead>(
     Ok(())
 }
 
-/// Whether to take orders for models whose stop is not proven. Without an answer of yes they are only read.
+/// Gives `control` to the drives. Asks whether to take orders for models whose stop is not proven: without an answer of yes they are only read.
 pub fn controlled<R: BufRead>(
     questions: &mut Questions<R>,
     args: &Args,
-    drives: &mut [DriveAnswers],
+    control: &NewControl,
+    drives: &mut [NewDrive],
 ) -> Result<(), Failure> {
     let unproven: BTreeSet<_> = drives
         .iter()
@@ -257,7 +262,9 @@ pub fn controlled<R: BufRead>(
         )?
     };
     for drive in drives {
-        drive.is_controlled = drive.model.run.is_some() && (accepts || drive.model.unproven_basics().is_empty());
+        let accepts_unproven = !drive.model.unproven_basics().is_empty();
+        let is_controlled = drive.model.run.is_some() && (accepts || !accepts_unproven);
+        drive.control = is_controlled.then(|| NewControl { accepts_unproven, ..control.clone() });
     }
     Ok(())
 }

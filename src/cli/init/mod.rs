@@ -81,9 +81,9 @@ fn asked<R: BufRead>(
             page.certificate = Some(directory.join("tls").join(super::certificate::PAGE));
         }
     }
-    let control = if from.is_empty() { None } else { Some(ways::control(questions, args, from)?) };
-    if control.is_some() {
-        line::controlled(questions, args, &mut line.drives)?;
+    if !from.is_empty() {
+        let control = ways::control(questions, args, from)?;
+        line::controlled(questions, args, &control, &mut line.drives)?;
     }
     let data_dir = questions.given_or_asked(
         args.data_dir.as_deref().and_then(Path::to_str),
@@ -95,7 +95,7 @@ fn asked<R: BufRead>(
         },
     )?;
     let date = calendar::day(clock::wall());
-    Ok(Answers { date, data_dir, line, page, modbus, broker, control })
+    Ok(Answers { date, data_dir, line, page, modbus, broker })
 }
 
 /// The file passes `check`, or nothing is written.

@@ -1,10 +1,11 @@
 //! Questions about who reaches the drives, who commands them, and by which rules.
 
-use super::answers::{BrokerAnswers, ControlAnswers, ModbusAnswers, PageAnswers};
+use super::answers::{BrokerAnswers, ModbusAnswers, PageAnswers};
 use super::args::Args;
 use crate::cli::Failure;
 use crate::cli::questions::Questions;
 use crate::cli::straight_write;
+use crate::config::written::NewControl;
 use ipnet::IpNet;
 use std::io::BufRead;
 use std::net::{IpAddr, SocketAddr};
@@ -189,7 +190,7 @@ pub fn control<R: BufRead>(
     questions: &mut Questions<R>,
     args: &Args,
     from: Vec<String>,
-) -> Result<ControlAnswers, Failure> {
+) -> Result<NewControl, Failure> {
     let limits_hz = questions.given_or_asked(
         args.limits.as_deref(),
         "--limits",
@@ -217,7 +218,8 @@ pub fn control<R: BufRead>(
     })?;
     let end = "When the gateway is shut down: stop, coast or hold";
     let on_shutdown = questions.given_or_asked(args.on_shutdown.as_deref(), "--on-shutdown", end, None, action)?;
-    Ok(ControlAnswers { from, limits_hz, has_reverse, on_commander_lost, lost_after, on_shutdown })
+    let accepts_unproven = false;
+    Ok(NewControl { from, limits_hz, has_reverse, on_commander_lost, lost_after, on_shutdown, accepts_unproven })
 }
 
 /// Who may command over Modbus TCP.

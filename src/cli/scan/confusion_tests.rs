@@ -1,11 +1,11 @@
 //! The confusion matrix: the simulator plays each model, the scan says what it takes it for. A scan may name several
 //! models, and never a wrong one alone.
 
-use super::plan::{Plan, READS_MAX, SILENCES_MAX, ScanOptions, Setting};
 use super::report::Scan;
-use super::survey::{Finding, Verdict};
 use super::tests::{Simulated, factory_plan, model, models, played};
 use crate::config::PortAddress;
+use crate::daemon::scan::plan::{Plan, READS_MAX, SILENCES_MAX, ScanOptions, Setting};
+use crate::daemon::scan::survey::{Finding, Verdict};
 use crate::profile::model::Model;
 use crate::sim::FaultPlan;
 use std::fmt::Write;
@@ -97,7 +97,10 @@ fn a_drive_tells_what_it_is() {
     assert!(!names(&drive.verdict).contains(&"actech-smv"));
     assert_eq!(drive.verdict.other.as_deref(), Some("AC Tech MC"));
     let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
-    let findings = super::survey::Findings { drives: vec![drive], ..super::survey::Findings::default() };
+    let findings = crate::daemon::scan::survey::Findings {
+        drives: vec![drive],
+        ..crate::daemon::scan::survey::Findings::default()
+    };
     let table = Scan { port: &port, plan: &plan, findings: &findings, echoes: false, date: "" }.table();
     assert!(table.contains("says that it is AC Tech MC; "), "{table}");
 }

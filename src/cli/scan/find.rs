@@ -1,13 +1,15 @@
 //! A scan for `init`: the drives of the setting that most of them answer at.
 
-use super::plan::{self, Plan, ScanOptions, Setting};
 use super::report::model_text;
-use super::survey::Findings;
 use super::{Scanned, scanned};
 use crate::cli::Failure;
 use crate::cli::link_args::LinkArgs;
 use crate::config::PortAddress;
 use crate::daemon::lines::tool_line::ToolPort;
+use crate::daemon::scan::ADVICE;
+use crate::daemon::scan::plan::setting_text;
+use crate::daemon::scan::plan::{self, Plan, ScanOptions, Setting};
+use crate::daemon::scan::survey::Findings;
 use crate::domain::link::LinkSettings;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
@@ -66,17 +68,17 @@ pub fn find(
         return Err(Failure::failed("interrupted; nothing was written"));
     }
     if findings.drives.is_empty() {
-        return Err(Failure::failed(super::ADVICE));
+        return Err(Failure::failed(ADVICE));
     }
     settled(&plan, &findings, echoes)
 }
 
 fn settled(plan: &Plan, findings: &Findings, echoes: bool) -> Result<Found, Failure> {
-    let best = plan.most_answer(findings).ok_or_else(|| Failure::failed(super::ADVICE))?;
-    let setting = plan.settings.get(best).ok_or_else(|| Failure::failed(super::ADVICE))?.clone();
+    let best = plan.most_answer(findings).ok_or_else(|| Failure::failed(ADVICE))?;
+    let setting = plan.settings.get(best).ok_or_else(|| Failure::failed(ADVICE))?.clone();
     let (here, elsewhere): (Vec<_>, Vec<_>) = findings.drives.iter().partition(|finding| finding.setting == best);
     let others = elsewhere.into_iter().map(|finding| {
-        let at = plan.settings.get(finding.setting).map(super::setting_text).unwrap_or_default();
+        let at = plan.settings.get(finding.setting).map(setting_text).unwrap_or_default();
         let model = model_text(finding);
         format!("Station {} answers at {at} ({model}): set it to {} first.", finding.station, setting.link)
     });

@@ -1,15 +1,11 @@
 //! `scan`: finds drives on an unused line, names their models if it can tell, and prints a configuration to start from.
 //! It only reads.
 
-mod asker;
 #[cfg(test)]
 mod confusion_tests;
 pub(super) mod find;
-mod judge;
-mod plan;
 mod report;
 pub(super) mod single;
-mod survey;
 #[cfg(test)]
 mod tests;
 
@@ -20,15 +16,16 @@ use super::{Failure, input, log::complain, print};
 use crate::config;
 use crate::daemon::host::clock;
 use crate::daemon::lines::tool_line::ToolPort;
+use crate::daemon::scan::ADVICE;
+use crate::daemon::scan::asker::PortAsker;
+use crate::daemon::scan::plan::{self, Plan, ScanOptions, setting_text};
+use crate::daemon::scan::survey::{Event, Findings, survey};
 use crate::daemon::service::run::told_to_end;
 use crate::domain::calendar;
 use crate::domain::link::LinkSettings;
-use asker::PortAsker;
-use plan::{Plan, ScanOptions};
-use report::{Scan, model_text, setting_text};
+use report::{Scan, model_text};
 use std::path::PathBuf;
 use std::time::Duration;
-use survey::{Event, Findings, survey};
 
 /// Arguments of `scan`.
 #[derive(Debug, clap::Args)]
@@ -147,7 +144,7 @@ fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
         let told = told_to_end().map_err(Failure::failed)?;
         let mut shown = Shown { plan, bar: Bar::new(asks(plan)) };
         let ended = tokio::select! {
-            done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done,
+            done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done.map_err(Failure::from),
             () = told => Ok(()),
         };
         shown.bar.end();
@@ -155,10 +152,6 @@ fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
         Ok(Scanned { findings, ended, echoes: asker.echoes > 0, late: asker.late })
     })
 }
-
-/// What may help if no drive answers.
-const ADVICE: &str = "nothing answers. Is the drive switched on, set to RS-485 and to a station among those that were \
-                      asked? Are A and B exchanged? Try --all-settings, or --stations 1-247";
 
 /// Prints the results where they belong.
 fn tell(args: &Args, scan: &Scan<'_>, late: u64) -> Result<(), Failure> {

@@ -1,9 +1,10 @@
 //! The results of a scan: as a table for people, as JSON, and as a configuration to start from.
 
-use super::plan::{Plan, Setting};
-use super::survey::{Finding, Findings};
 use crate::cli::setup::table;
 use crate::config::PortAddress;
+use crate::daemon::scan::plan::setting_text;
+use crate::daemon::scan::plan::{Plan, Setting};
+use crate::daemon::scan::survey::{Finding, Findings};
 use crate::domain::link::{Framing, LinkSettings};
 use crate::toml_file::words::{FRAMINGS, PARITIES, word_for};
 use serde_json::{Value, json};
@@ -21,12 +22,6 @@ pub struct Scan<'a> {
     pub echoes: bool,
     /// The date.
     pub date: &'a str,
-}
-
-/// `9600 8N1`, with ` ascii` if it is.
-pub fn setting_text(setting: &Setting) -> String {
-    let ascii = if setting.framing == Framing::Ascii { " ascii" } else { "" };
-    format!("{}{ascii}", setting.link)
 }
 
 /// The model candidates, the best first, for people.

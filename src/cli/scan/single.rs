@@ -1,12 +1,12 @@
 //! Single reads from one station of which no model is known.
 
-use super::asker::PortAsker;
-use super::plan::{Plan, ScanOptions};
-use super::survey::Asker;
-pub use super::survey::Heard;
 use crate::cli::Failure;
 use crate::config::PortAddress;
 use crate::daemon::lines::tool_line::ToolPort;
+use crate::daemon::scan::asker::PortAsker;
+pub use crate::daemon::scan::judge::Heard;
+use crate::daemon::scan::plan::{Plan, ScanOptions};
+use crate::daemon::scan::survey::Asker;
 use crate::domain::address::Address;
 use crate::domain::link::{DirectionControl, LinkSettings};
 use crate::vendors;
@@ -49,7 +49,7 @@ impl SingleReads {
     /// # Errors
     /// The line is lost, or another master uses it.
     pub async fn read(&mut self, address: Address) -> Result<Heard, Failure> {
-        self.asker.ask(self.station, address).await
+        Ok(self.asker.ask(self.station, address).await?)
     }
 
     /// Releases the port.

@@ -1,10 +1,12 @@
 //! Whole scans of simulated lines, in simulated time: the same core as on a port, with a clock that only the test moves.
 
-use super::plan::{LISTEN, Plan, Probe, ScanOptions, Setting, probes, stations};
 use super::report::Scan;
-use super::survey::{Asker, Event, Findings, Heard, survey};
-use crate::cli::{Failure, input};
+use crate::cli::input;
 use crate::config::{self, PortAddress};
+use crate::daemon::scan::ScanError;
+use crate::daemon::scan::judge::Heard;
+use crate::daemon::scan::plan::{LISTEN, Plan, Probe, ScanOptions, Setting, probes, stations};
+use crate::daemon::scan::survey::{Asker, Event, Findings, survey};
 use crate::domain::address::Address;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::{AskerId, DriveIndex, Station, Ticket};
@@ -95,7 +97,7 @@ impl Simulated {
 }
 
 impl Asker for Simulated {
-    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), Failure> {
+    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), ScanError> {
         let drives = stations.iter().filter_map(|station| setting.station(*station)).collect();
         let setup = LineSetup {
             timing: setting.timing(),
@@ -116,7 +118,7 @@ impl Asker for Simulated {
         Ok(())
     }
 
-    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, Failure> {
+    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, ScanError> {
         let place = self.stations.iter().position(|it| *it == station).unwrap();
         let origin = Origin { owner: Owner::Local, rights: Rights::NONE, manner: Manner::Once };
         let deadline = self.now + Duration::from_secs(20);

@@ -53,7 +53,8 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
         listeners: each(&mut reader, "modbus_tcp", network::read_listener),
         http: inner(&mut reader, "http", network::read_http),
     };
-    if file.lines.is_empty() {
+    // A gateway that is set up in the page begins without a line.
+    if file.lines.is_empty() && !file.http.valid().is_some_and(|http| http.value.sets_up()) {
         let problem = reader.location().missing("line").problem("there is no line");
         reader.problems().push(problem.right("`[[line]]` with `name`, `port` and at least one `[[line.drive]]`"));
     }

@@ -71,6 +71,7 @@ pub(super) fn read_http(mut reader: Reader<'_, '_>) -> HttpFile {
         allow: read_allow(&mut reader),
         hosts: reader.list("hosts", &Kind::text()),
         view: reader.optional("view", &Kind::choice(&VIEWERS, Viewers::meaning)),
+        setup: reader.optional("setup", &Kind::flag()),
         users: each(&mut reader, "users", read_user),
         tls: inner(&mut reader, "tls", read_http_tls),
     };

@@ -152,3 +152,23 @@ fn a_user_has_a_role_and_groups_that_exist() {
     let nobody = problems(&with_http("listen = '127.0.0.1:8080'\nview = 'signed-in'"));
     assert!(nobody.iter().any(|it| it.contains("nobody can sign in")), "{nobody:?}");
 }
+
+#[test]
+fn set_up_in_the_page_needs_a_user_with_the_role_for_it_and_the_other_way_round() {
+    let text = |setup: &str, role: &str| {
+        with_http(&format!("listen = '127.0.0.1:8080'\n{setup}\n[[http.users]]\n{}\n{role}", anna()))
+    };
+    let found = http(&text("setup = true", "role = 'setup'"));
+    assert!(found.setup && found.users[0].rights.may_set_up());
+    assert!(!http(&text("", "role = 'maintain'")).setup);
+    let problems = problems(&text("setup = true", "role = 'maintain'"));
+    assert!(problems.iter().any(|it| it.contains("http.setup") && it.contains("nobody may set up")), "{problems:?}");
+    let warnings = good(&text("", "role = 'setup'")).warnings;
+    assert!(warnings.iter().any(|it| it.key == "http.users[0].role"), "{warnings:?}");
+}
+
+#[test]
+fn a_gateway_without_a_line_is_there_to_be_set_up() {
+    let text = format!("[http]\nlisten = '127.0.0.1:8080'\nsetup = true\n[[http.users]]\n{}\nrole = 'setup'", anna());
+    assert!(good(&text).lines.is_empty() && good(&text).warnings.is_empty(), "{:?}", good(&text).warnings);
+}

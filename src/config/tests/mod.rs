@@ -2,6 +2,7 @@
 
 mod change;
 mod control;
+mod edit;
 mod framing;
 mod http;
 mod line_plan;

@@ -25,6 +25,8 @@ pub struct Front {
     users: Vec<User>,
     /// Only users who have signed in see the drives.
     is_private: bool,
+    /// Users with the right to may set up.
+    sets_up: bool,
     tls: Option<Tls>,
 }
 
@@ -60,7 +62,8 @@ impl Front {
         let tls = settings.tls.as_ref().and_then(|tls| read_tls(tls).map_err(|why| problems.push(why)).ok());
         if problems.is_empty() {
             let is_private = settings.view == Viewers::SignedIn;
-            Ok(Self { allow: settings.allow.clone(), hosts: hosts(&settings.hosts), users, is_private, tls })
+            let (allow, hosts, sets_up) = (settings.allow.clone(), hosts(&settings.hosts), settings.setup);
+            Ok(Self { allow, hosts, users, is_private, sets_up, tls })
         } else {
             Err(problems.join("; "))
         }
@@ -94,6 +97,11 @@ impl Front {
     /// Whether only users who have signed in see the drives.
     pub(super) const fn is_private(&self) -> bool {
         self.is_private
+    }
+
+    /// Whether users with the right to may set up.
+    pub(super) const fn sets_up(&self) -> bool {
+        self.sets_up
     }
 
     /// Whether `user` has the same password as in `other`.

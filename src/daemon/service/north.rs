@@ -2,6 +2,7 @@
 
 use crate::config::change::Change;
 use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
+use crate::daemon::commissioning::Site;
 use crate::daemon::exchange::north_journal;
 use crate::daemon::exchange::router::{Router, Units};
 use crate::daemon::exchange::shared::Current;
@@ -23,7 +24,6 @@ use crate::daemon::trends::Trends;
 use crate::domain::ids::Name;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::net::{TcpListener, TcpSocket, UnixStream};
@@ -180,7 +180,7 @@ impl North {
     /// Starts everything on the current [`LocalSet`](tokio::task::LocalSet); it ends with that.
     pub fn start(
         config: &Config,
-        (name, file): (&Name, Option<PathBuf>),
+        (name, site): (&Name, Option<Site>),
         current: Current,
         sides: NorthSides,
         bound: Bound,
@@ -197,7 +197,7 @@ impl North {
             sparkplug: None.into(),
             journal: sides.journal.clone(),
             trends: sides.journal.as_ref().and_then(|journal| trends_beside(journal)),
-            configuration: file,
+            configuration: site.as_ref().map(|site| site.file.clone()),
             socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
             started: started.mono,
             started_at: started.wall,
@@ -214,7 +214,7 @@ impl North {
         if let Some(socket) = socket {
             tokio::task::spawn_local(socket.serve(documents.clone(), Arc::clone(&side)));
         }
-        let control = Arc::new(Control::new(side, documents.live.moments().clone(), Front::default()));
+        let control = Arc::new(Control::new(side, documents.live.moments().clone(), Front::default(), site));
         let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
         let server = Rc::new(server.with_slots(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));

@@ -5,6 +5,7 @@
 
 use crate::config::change::{Change, ChangeNote, ConfigPart};
 use crate::config::{Config, MqttSettings, Removal};
+use crate::daemon::commissioning::{Judge, Site};
 use crate::daemon::exchange::shared::{Current, Shared};
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::{LineHandle, Memory};
@@ -39,6 +40,16 @@ pub struct Load {
     pub file: PathBuf,
     /// Loads it.
     pub read: Arc<Read>,
+    /// Judges a text that might become its content.
+    pub judge: Arc<Judge>,
+}
+
+impl Load {
+    /// The same for those who change the file.
+    #[must_use]
+    pub fn site(&self) -> Site {
+        Site { file: self.file.clone(), judge: Arc::clone(&self.judge) }
+    }
 }
 
 /// The parts of a running gateway that a reload changes.
@@ -222,7 +233,8 @@ mod tests {
             let _ = hangs.map(|hangs| hangs.recv());
             Err("read".to_owned())
         };
-        let load = Load { file: PathBuf::new(), read: Arc::new(read) };
+        let judge: Arc<Judge> = Arc::new(|_| Err("not judged".to_owned()));
+        let load = Load { file: PathBuf::new(), read: Arc::new(read), judge };
         let mut loader = Loader::default();
         for _ in 0..2 {
             let refused = loader.load(&load, Duration::from_millis(10)).await.unwrap_err();

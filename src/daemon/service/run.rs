@@ -1,6 +1,7 @@
 //! The daemon: one thread per line, the north side on this one, until shutdown.
 
 use crate::config::Config;
+use crate::daemon::commissioning::Site;
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::host::{directories, sys};
@@ -23,7 +24,7 @@ use crate::domain::report::LineCounters;
 use rustix::system::uname;
 use std::io;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -99,7 +100,7 @@ where
     let ended = runtime.block_on(local.run_until(async {
         let (reloads, asked) = Reloads::channel();
         let (mut gateway, shown) =
-            start(config, load.as_ref().map(|load| (load.file.clone(), reloads.clone())), tool).await?;
+            start(config, load.as_ref().map(|load| (load.site(), reloads.clone())), tool).await?;
         if load.is_some() {
             tokio::task::spawn_local(reload_on_hangup(signal(SignalKind::hangup())?, reloads));
         }
@@ -135,7 +136,7 @@ type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 /// Acquires everything that the gateway needs, and starts it.
 async fn start(
     config: &Config,
-    reloads: Option<(PathBuf, Reloads)>,
+    reloads: Option<(Site, Reloads)>,
     tool: Option<ToolConnections>,
 ) -> Result<(Gateway, Addresses), StartError> {
     warn_of(&config.warnings);
@@ -146,7 +147,7 @@ async fn start(
     if let Some(directory) = &data_dir {
         make_data_dir(directory);
     }
-    let (file, reloads) = reloads.unzip();
+    let (site, reloads) = reloads.unzip();
     let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
     let bound = if tool.is_some() { north::unbound(config) } else { north::bind(config, &[], true).await? };
     let broker = embedded_broker(config)?;
@@ -163,7 +164,7 @@ async fn start(
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
     let current = Current::from(shared);
-    let north = North::start(config, (&name, file), current.clone(), sides, bound, socket, broker_side);
+    let north = North::start(config, (&name, site), current.clone(), sides, bound, socket, broker_side);
     if let Some(connections) = tool {
         north.serve_tool(config, connections);
     }

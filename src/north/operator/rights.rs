@@ -10,8 +10,10 @@ pub enum Role {
     View,
     /// Commands drives.
     Operate,
-    /// Does everything that the page offers.
+    /// Does everything that a plant in service needs.
     Maintain,
+    /// Changes the configuration as well.
+    Setup,
 }
 
 impl Role {
@@ -22,6 +24,7 @@ impl Role {
             Self::View => "view",
             Self::Operate => "operate",
             Self::Maintain => "maintain",
+            Self::Setup => "setup",
         }
     }
 
@@ -32,6 +35,7 @@ impl Role {
             Self::View => "looks, and commands nothing",
             Self::Operate => "commands drives",
             Self::Maintain => "commands drives, and saves diagnostics",
+            Self::Setup => "does all of this, finds drives, and changes the configuration",
         }
     }
 }
@@ -59,6 +63,12 @@ impl Rights {
         self.role >= Role::Operate
     }
 
+    /// Whether the user may change the configuration.
+    #[must_use]
+    pub fn may_set_up(&self) -> bool {
+        self.role >= Role::Setup
+    }
+
     /// Whether the user may do what concerns the gateway as a whole.
     #[must_use]
     pub fn may_maintain(&self) -> bool {
@@ -84,11 +94,13 @@ mod tests {
             (of(Role::Operate, Some(&["water"])), [true, false, false], false),
             (of(Role::Maintain, Some(&[])), [false, false, false], true),
             (of(Role::Maintain, None), [true, true, true], true),
+            (of(Role::Setup, None), [true, true, true], true),
         ];
         for (rights, may_command, may_maintain) in cases {
             assert_eq!(rights.may_stop(), rights.role != Role::View, "{rights:?}");
             let found = [Some(&water), Some(&air), None].map(|group| rights.may_command(group));
             assert_eq!((found, rights.may_maintain()), (may_command, may_maintain), "{rights:?}");
+            assert_eq!(rights.may_set_up(), rights.role == Role::Setup, "{rights:?}");
         }
     }
 }

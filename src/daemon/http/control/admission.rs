@@ -101,6 +101,14 @@ pub(super) fn id_in(headers: &HeaderMap) -> Option<Key> {
 /// # Errors
 /// What is answered instead.
 pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitted, Refused> {
+    admit_with(control, request, BODY_BYTES_MAX).await
+}
+
+/// The same for a body of up to `bytes_max` bytes.
+///
+/// # Errors
+/// What is answered instead.
+pub(super) async fn admit_with(control: &Control, request: Request, bytes_max: usize) -> Result<Admitted, Refused> {
     is_possible(control)?;
     let (parts, body) = request.into_parts();
     comes_from_own_page(&parts.headers)?;
@@ -118,7 +126,7 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
         ));
     }
     let begun = clock::now();
-    let (body, flaw) = body_of(&parts.headers, body).await;
+    let (body, flaw) = body_of(&parts.headers, body, bytes_max).await;
     let named = parts.headers.get(MOMENT_HEADER).map(header::HeaderValue::as_bytes);
     let old = control.moments.review(named, begun, clock::now()).err();
     let user = control.sessions().used(clock::now(), &key).ok_or_else(signed_out)?;
@@ -158,17 +166,17 @@ pub(super) fn comes_from_own_page(headers: &HeaderMap) -> Result<(), Refused> {
 /// # Errors
 /// What is answered instead.
 pub(super) async fn json_body(headers: &HeaderMap, body: Body) -> Result<Bytes, Refused> {
-    let (body, flaw) = body_of(headers, body).await;
+    let (body, flaw) = body_of(headers, body, BODY_BYTES_MAX).await;
     flaw.map_or(Ok(body), Err)
 }
 
 /// The first bytes of a body, and what is wrong with it.
-async fn body_of(headers: &HeaderMap, body: Body) -> (Bytes, Option<Refused>) {
+async fn body_of(headers: &HeaderMap, body: Body, bytes_max: usize) -> (Bytes, Option<Refused>) {
     let mut bytes = BytesMut::new();
-    let flaw = match timeout(BODY_WITHIN, collect(body, &mut bytes)).await {
+    let flaw = match timeout(BODY_WITHIN, collect(body, &mut bytes, bytes_max)).await {
         Ok(true) => None,
         Ok(false) => {
-            let what = format!("the body is longer than {BODY_BYTES_MAX} bytes, or broke off");
+            let what = format!("the body is longer than {bytes_max} bytes, or broke off");
             Some(refused(StatusCode::PAYLOAD_TOO_LARGE, &what))
         }
         Err(_) => Some(refused(StatusCode::REQUEST_TIMEOUT, "the body did not arrive in time")),
@@ -181,12 +189,12 @@ async fn body_of(headers: &HeaderMap, body: Body) -> (Bytes, Option<Refused>) {
 }
 
 /// Reads `body` up to the longest allowed length. Returns false if that is not all of it.
-async fn collect(body: Body, bytes: &mut BytesMut) -> bool {
+async fn collect(body: Body, bytes: &mut BytesMut, bytes_max: usize) -> bool {
     let mut body = pin!(body);
     while let Some(frame) = poll_fn(|cx| body.as_mut().poll_frame(cx)).await {
         let Ok(frame) = frame else { return false };
         let Ok(piece) = frame.into_data() else { continue };
-        let room = BODY_BYTES_MAX.saturating_sub(bytes.len());
+        let room = bytes_max.saturating_sub(bytes.len());
         bytes.extend_from_slice(piece.get(..room).unwrap_or(&piece));
         if piece.len() > room {
             return false;
@@ -211,6 +219,11 @@ fn is_of_plant(request: &Request) -> bool {
 }
 
 fn is_signed_in(control: &Control, request: &Request) -> bool {
-    let user = |id| control.sessions().user(clock::now(), &key_of(&id));
-    id_in(request.headers()).and_then(user).is_some()
+    signed_in(control, request.headers()).is_some()
+}
+
+/// What the user who sent `headers` may do; `None` if none is signed in.
+pub(super) fn signed_in(control: &Control, headers: &HeaderMap) -> Option<Rights> {
+    let user = control.sessions().user(clock::now(), &key_of(&id_in(headers)?))?;
+    control.front.load().rights(user).cloned()
 }

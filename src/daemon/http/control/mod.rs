@@ -3,6 +3,7 @@
 
 mod admission;
 mod commands;
+mod commissioning;
 mod routes;
 mod sign_in;
 #[cfg(test)]
@@ -12,6 +13,7 @@ pub(super) use admission::view;
 pub(super) use routes::router;
 
 use super::front::Front;
+use crate::daemon::commissioning::{Commissioning, Site};
 use crate::daemon::local::LocalSide;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::attempts::Attempts;
@@ -32,6 +34,8 @@ pub struct Control {
     side: Arc<LocalSide>,
     /// The moments that orders name.
     moments: Moments,
+    /// `None` without a configuration file.
+    commissioning: Option<Arc<Commissioning>>,
     front: Arc<ArcSwap<Front>>,
     changed: Arc<Notify>,
     sessions: Mutex<Sessions>,
@@ -42,10 +46,11 @@ pub struct Control {
 
 impl Control {
     /// Starts with no user signed in. Orders are sent through `side` and name one of `moments`; users are those of
-    /// `front`.
+    /// `front`, and those with the right to may change the configuration at `site`.
     #[must_use]
-    pub fn new(side: Arc<LocalSide>, moments: Moments, front: Front) -> Self {
+    pub fn new(side: Arc<LocalSide>, moments: Moments, front: Front, site: Option<Site>) -> Self {
         Self {
+            commissioning: site.map(|site| Arc::new(Commissioning::new(site, Arc::clone(&side)))),
             side,
             moments,
             front: Arc::new(ArcSwap::from_pointee(front)),

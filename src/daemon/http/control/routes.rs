@@ -1,7 +1,7 @@
 //! The routes that need a sign-in.
 
 use super::admission::admit;
-use super::{Control, commands, sign_in};
+use super::{Control, commands, commissioning, sign_in};
 use crate::daemon::http::answers::refusal;
 use crate::daemon::http::diagnostics::{Diagnostics, answer};
 use axum::Router;
@@ -20,7 +20,8 @@ pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
         .route("/api/v1/drives/{name}/command", post(commands::command))
         .route("/api/v1/drives/{name}/lease", post(commands::renew))
         .route("/api/v1/stop", post(commands::stop_all))
-        .with_state(control)
+        .with_state(Arc::clone(&control))
+        .merge(commissioning::router(control))
         .merge(Router::new().route("/api/v1/diagnostics", post(diagnostics_for_user)).with_state(for_users))
 }
 

@@ -9,6 +9,7 @@ use crate::daemon::http::front::{Front, User};
 use crate::domain::ids::{CommanderName, Name};
 use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
 use crate::north::operator::request::{COOKIE, key_text};
+use crate::north::operator::rights::Rights;
 use crate::north::operator::sessions::Key;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -45,6 +46,7 @@ fn signed_in_as(front: &Front, user: CommanderName, token: String) -> Value {
         "user": user.as_str(),
         "role": rights.map(|rights| rights.role.word()),
         "groups": groups.map(|groups| groups.iter().map(Name::as_str).collect::<Vec<_>>()),
+        "setup": front.sets_up() && rights.is_some_and(Rights::may_set_up),
         "token": token,
     })
 }

@@ -48,6 +48,7 @@ fn settings(users: &[&str]) -> HttpSettings {
         allow: None,
         hosts: vec!["gw.example".to_owned()],
         view: Viewers::Anyone,
+        setup: false,
         users: users.iter().map(user).collect(),
         tls: None,
     }
@@ -89,7 +90,7 @@ fn house_of(users: &[&str]) -> House {
     tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard), Rc::clone(&gives_late)));
     let documents = http::Documents::new(Arc::new(state));
     let control =
-        Arc::new(Control::new(side, documents.live.moments().clone(), Front::read(&settings(users)).unwrap()));
+        Arc::new(Control::new(side, documents.live.moments().clone(), Front::read(&settings(users)).unwrap(), None));
     let listener = TcpListener::from_std(listener).unwrap();
     let served = tokio::task::spawn_local(http::serve(listener, documents, Arc::clone(&control)));
     House { address, control, heard, gives_late, listener: served.abort_handle() }

@@ -200,6 +200,13 @@ impl Setting {
     }
 }
 
+/// `9600 8N1`, with ` ascii` if it is.
+#[must_use]
+pub fn setting_text(setting: &Setting) -> String {
+    let ascii = if setting.framing == Framing::Ascii { " ascii" } else { "" };
+    format!("{}{ascii}", setting.link)
+}
+
 fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
     // Where nobody knows it, a drive is looked for at one usual setting: at all of them it would cost minutes per model.
     let factory = model.link.played();

@@ -1,26 +1,13 @@
 //! The course of a scan: which stations answer, and what they probably are. It knows neither port nor clock, so that a
 //! test can run it on a simulated line in simulated time.
 
-use super::judge::{Evidence, Judgement, Refusals, Suspect, nowhere};
+use super::ScanError;
+use super::judge::{Evidence, Heard, Judgement, Refusals, Suspect, nowhere};
 use super::plan::{Plan, READS_MAX, SILENCES_MAX, Setting};
-use crate::cli::Failure;
 use crate::domain::address::Address;
 use crate::profile::model::Model;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// The outcome of one read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
-    /// The word of the register.
-    Word(u16),
-    /// The drive answered with an exception.
-    Exception(u8),
-    /// Something arrived that is not an answer.
-    Damaged,
-    /// No byte arrived.
-    Silent,
-}
 
 /// Sends the requests on the line.
 pub trait Asker {
@@ -28,13 +15,13 @@ pub trait Asker {
     ///
     /// # Errors
     /// The line cannot be used, or another master uses it.
-    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), Failure>;
+    fn open(&mut self, setting: &Setting, stations: &[u8]) -> impl Future<Output = Result<(), ScanError>>;
 
     /// Reads one register of one of them.
     ///
     /// # Errors
     /// The line is lost, or another master uses it.
-    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, Failure>;
+    fn ask(&mut self, station: u8, address: Address) -> impl Future<Output = Result<Heard, ScanError>>;
 }
 
 /// An event that is shown at once.
@@ -119,7 +106,7 @@ pub async fn survey(
     asker: &mut impl Asker,
     findings: &mut Findings,
     mut tell: impl FnMut(Event<'_>),
-) -> Result<(), Failure> {
+) -> Result<(), ScanError> {
     for (number, setting) in plan.settings.iter().enumerate() {
         tell(Event::Setting(number));
         let answered = look(plan, number, asker, findings, &mut tell).await?;
@@ -148,7 +135,7 @@ async fn look(
     asker: &mut impl Asker,
     findings: &mut Findings,
     tell: &mut impl FnMut(Event<'_>),
-) -> Result<BTreeMap<u8, (Address, Evidence)>, Failure> {
+) -> Result<BTreeMap<u8, (Address, Evidence)>, ScanError> {
     let Some(setting) = plan.settings.get(number) else { return Ok(BTreeMap::new()) };
     let is_new = |findings: &Findings, station| !findings.has_like(plan, setting, station);
     let mut left: Vec<u8> = plan.stations.iter().copied().filter(|station| is_new(findings, *station)).collect();
@@ -197,7 +184,7 @@ async fn identify(
     probe: Address,
     evidence: Evidence,
     asker: &mut impl Asker,
-) -> Result<Verdict, Failure> {
+) -> Result<Verdict, ScanError> {
     let all = setting.candidates.iter().enumerate();
     let suspects: Vec<Suspect> = all
         .filter(|(_, model)| model.link.stations.value.contains(&station))
@@ -242,7 +229,7 @@ impl<A: Asker> Look<'_, A> {
     }
 
     /// Reads `address`. After a silence the station is asked for a known address, so that it does not count as gone.
-    async fn ask(&mut self, address: Address) -> Result<Heard, Failure> {
+    async fn ask(&mut self, address: Address) -> Result<Heard, ScanError> {
         let heard = self.asker.ask(self.station, address).await?;
         if matches!(heard, Heard::Silent | Heard::Damaged) {
             self.silences += 1;

@@ -1,7 +1,6 @@
 //! Which models a drive may be, by what it answered, and what to ask it next. A model is dropped only for an answer that
 //! contradicts its file: files leave registers out, so that an answer where a file has none says little.
 
-use super::survey::Heard;
 use crate::domain::address::Address;
 use crate::profile::model::{Holes, Model};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,6 +12,19 @@ pub const TELLING: usize = 3;
 const UNEXPLAINED: usize = 3;
 /// What contradicts a model as much as one proven register that is refused.
 const CONTRADICTED: usize = 2;
+
+/// The outcome of one read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// The word of the register.
+    Word(u16),
+    /// The drive answered with an exception.
+    Exception(u8),
+    /// Something arrived that is not an answer.
+    Damaged,
+    /// No byte arrived.
+    Silent,
+}
 
 /// A model as a scan sees it.
 #[derive(Debug)]

@@ -1,10 +1,11 @@
 //! Requests on a real port: a line of the tool's own, reopened for each setting.
 
+use super::ScanError;
+use super::judge::Heard;
 use super::plan::{LISTEN, Setting};
-use super::survey::{Asker, Heard};
-use crate::cli::Failure;
+use super::survey::Asker;
 use crate::daemon::host::clock;
-use crate::daemon::lines::tool_line::{NoLine, ToolLine, ToolPort};
+use crate::daemon::lines::tool_line::{ToolLine, ToolPort};
 use crate::domain::address::Address;
 use crate::domain::command::Reason;
 use crate::domain::ids::Name;
@@ -19,6 +20,7 @@ const LOOSE_BYTES_MAX: u64 = 3;
 const LATE: Duration = Duration::from_secs(2);
 
 /// A port, and the line that is open on it.
+#[derive(Debug)]
 pub struct PortAsker {
     port: ToolPort,
     name: Name,
@@ -57,12 +59,12 @@ impl PortAsker {
         }
     }
 
-    fn line(&self) -> Result<&ToolLine, Failure> {
-        self.line.as_ref().ok_or_else(|| Failure::failed("the line is not open"))
+    fn line(&self) -> Result<&ToolLine, ScanError> {
+        self.line.as_ref().ok_or_else(|| ScanError::new("the line is not open"))
     }
 
     /// Only listens, and refuses a line with traffic: two masters take each other's answers.
-    async fn listen(&mut self, link: LinkSettings) -> Result<(), Failure> {
+    async fn listen(&mut self, link: LinkSettings) -> Result<(), ScanError> {
         sleep(LISTEN).await;
         let heard = self.line()?.report().counters;
         let place = &self.port.address;
@@ -80,11 +82,11 @@ impl PortAsker {
             return Ok(());
         };
         let right = "stop the other master, a PLC or another gateway, and scan again";
-        Err(Failure::failed(format!("the line is in use: {how}; {right}")))
+        Err(ScanError::new(format!("the line is in use: {how}; {right}")))
     }
 
     /// The counters since the last call.
-    fn counted(&mut self) -> Result<LineCounters, Failure> {
+    fn counted(&mut self) -> Result<LineCounters, ScanError> {
         let now = self.line()?.report().counters;
         let before = std::mem::replace(&mut self.seen, now);
         let since = LineCounters {
@@ -102,14 +104,8 @@ impl PortAsker {
     }
 }
 
-impl From<NoLine> for Failure {
-    fn from(error: NoLine) -> Self {
-        Self::failed(error)
-    }
-}
-
 impl Asker for PortAsker {
-    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), Failure> {
+    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), ScanError> {
         self.close().await;
         let drives: Vec<_> = stations.iter().filter_map(|station| setting.station(*station)).collect();
         let port = ToolPort { link: setting.link, ..self.port.clone() };
@@ -120,15 +116,15 @@ impl Asker for PortAsker {
         if self.has_listened { Ok(()) } else { self.listen(setting.link).await }
     }
 
-    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, Failure> {
+    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, ScanError> {
         let place = self.stations.iter().position(|it| *it == station).and_then(|place| u16::try_from(place).ok());
-        let place = place.ok_or_else(|| Failure::failed(format!("station {station} is not on the line")))?;
+        let place = place.ok_or_else(|| ScanError::new(format!("station {station} is not on the line")))?;
         self.counted()?;
         let read = self.line()?.read(place, address, clock::now() + self.patience).await;
         let counted = self.counted()?;
         if counted.other_master > 0 {
             let what = "the line is in use: requests of another master were heard; stop that master and scan again";
-            return Err(Failure::failed(what));
+            return Err(ScanError::new(what));
         }
         match read {
             Ok(word) => Ok(Heard::Word(word)),
@@ -136,7 +132,7 @@ impl Asker for PortAsker {
                 (Some(code), _) => Ok(Heard::Exception(code)),
                 (None, Reason::LineDown) => {
                     let fault = self.line()?.report().fault.map(|fault| format!(": {fault}")).unwrap_or_default();
-                    Err(Failure::failed(format!("{} is lost{fault}", self.port.address)))
+                    Err(ScanError::new(format!("{} is lost{fault}", self.port.address)))
                 }
                 (None, _) if counted.garbled > 0 || counted.noise_bytes > 0 => Ok(Heard::Damaged),
                 (None, _) => Ok(Heard::Silent),
