@@ -209,6 +209,8 @@ mod scraping;
 mod secured;
 #[path = "process/services.rs"]
 mod services;
+#[path = "process/setting_up.rs"]
+mod setting_up;
 #[path = "process/sparkplug.rs"]
 mod sparkplug;
 #[path = "process/stopping.rs"]

@@ -290,7 +290,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Http, "allow", "list of networks", Some("all clients, which are on this host: required unless the address is loopback"), "Who may connect and see everything."),
     key(Section::Http, "hosts", "list of host names", Some("none but the host's own and `localhost`"), "Additional host names for the gateway in browsers, without a port. IP addresses are always accepted."),
     key(Section::Http, "view", "\"anyone\" or \"signed-in\"", Some("\"anyone\""), "Who sees the drives on the page and below `/api/v1/`: every client in `allow`, or users who have signed in. `/healthz`, `/readyz` and `/metrics` stay open to `allow`."),
-    key(Section::Http, "setup", "`true` or `false`", Some("`false`"), "Users with the role `\"setup\"` find drives and add lines in the page, which changes this file."),
+    key(Section::Http, "setup", "`true` or `false`", Some("`false`"), "Users with the role \"setup\" find drives and add lines in the page, which changes this file."),
     key(Section::Http, "users", "tables", Some("none: no commands from the page"), "Who may sign in and command. Requires `tls` unless the address is loopback."),
     key(Section::Http, "tls", "table", Some("none: connections are not encrypted"), "HTTPS instead of HTTP."),
 

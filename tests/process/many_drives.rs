@@ -157,8 +157,14 @@ fn problems_come_first_in_one_row_for_equal_ones_and_in_the_title() {
     assert_eq!(first, "#drive-pump-1");
 }
 
+/// Gives the page what [`barriers`] needs.
+pub fn load_axe(browser: &Browser) {
+    let axe = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/process/npm/node_modules/axe-core/axe.min.js");
+    browser.script(&std::fs::read_to_string(axe).expect("axe-core, which tests/run installs"));
+}
+
 /// What axe finds: barriers for people who do not see or do not point.
-fn barriers(browser: &Browser) -> Value {
+pub fn barriers(browser: &Browser) -> Value {
     let run = "return axe.run(document, { resultTypes: ['violations'] }).then((it) => it.violations.map((one) => \
                `${one.id}: ${one.nodes.map((node) => node.html).slice(0, 3).join(' | ')}`))";
     browser.script(run)
@@ -168,8 +174,7 @@ fn barriers(browser: &Browser) -> Value {
 fn axe_finds_no_barrier_in_any_state_layout_and_scheme_of_colours() {
     let shop = Shop::open(true);
     let browser = crowded(&shop);
-    let axe = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/process/npm/node_modules/axe-core/axe.min.js");
-    browser.script(&std::fs::read_to_string(axe).expect("axe-core, which tests/run installs"));
+    load_axe(&browser);
     browser.script(
         "const states = ['running', 'stopping', 'inhibited', 'pending', 'not effective', 'tripped', 'warned', 'offline']; \
          window.crowd.drives.update(states.map((state, index) => window.crowd.in_state(`d-${index + 1}`, state)))",

@@ -35,7 +35,7 @@ const FILES: [&[File]; 6] = [
     &files!("text/javascript; charset=utf-8":
         "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "hold.js",
         "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "problems.js", "report.js", "session.js",
-        "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
+        "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
     ),
     &files!("image/svg+xml": "icon-problem.svg", "icon.svg"),
     &files!("application/manifest+json": "manifest.webmanifest"),

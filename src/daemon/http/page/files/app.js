@@ -18,6 +18,18 @@ import { Trend } from "./trend.js";
 
 const at = (id) => document.getElementById(id);
 
+/** A panel that few use: its files are fetched when it is opened. */
+function lazy(path, element) {
+  let panel = null;
+  return {
+    open: async () => {
+      panel ??= import(path).then(({ Panel }) => new Panel(element));
+      (await panel).open();
+    },
+    close: async () => (await panel)?.close(),
+  };
+}
+
 let version = null;
 let names = { drives: [], lines: [] };
 
@@ -30,7 +42,9 @@ const tabs = new Tabs(at("tabs"), [
   { id: "journal", label: "Trips and audit", element: at("journal"), part: journal },
   { id: "traffic", label: "Traffic", element: at("traffic"), part: traffic },
   { id: "report", label: "Line report", element: at("report"), part: report },
+  { id: "setup", label: "Set up", element: at("setup"), part: lazy("./setup.js", at("setup")) },
 ]);
+tabs.offer("setup", false);
 
 drives.start(at("drives"));
 filter.start(at("filter"), at("counts"));
@@ -81,6 +95,7 @@ const on = {
     lines.replace(document.lines);
     drives.replace(document.drives);
     layout.count(document.drives.length);
+    show(at("none"), document.drives.length === 0);
     filter.parts(document.drives);
     drives.redraw(true);
     take_advice(document.advice ?? []);
@@ -131,7 +146,8 @@ const on = {
 };
 
 const stream = new Stream(on);
-session.changed(() => {
+session.changed(({ setup }) => {
+  tabs.offer("setup", setup);
   drives.redraw();
   stream.again();
 });

@@ -22,8 +22,8 @@ export class Report {
     this.row = row;
     this.is_open = false;
     this.pack = h("button", { type: "button", class: "plain", click: () => this.save() }, "Save diagnostics");
-    session.changed(({ role }) => show(this.pack, role === "maintain"));
-    show(this.pack, session.current().role === "maintain");
+    session.changed(() => show(this.pack, session.may_maintain()));
+    show(this.pack, session.may_maintain());
     element.append(
       h("div", { class: "tools" }, labelled("Line", this.line), this.pack),
       this.message,

@@ -10,7 +10,7 @@ const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by
 // The gateway takes a moment for 1.5 s. Where no events bring one, as in a hidden tab, a renewal asks for one first.
 const FRESH_MS = 700;
 
-const session = { is_known: false, enabled: false, is_private: false, user: null, role: null, groups: null, token: null };
+const session = { is_known: false, enabled: false, is_private: false, user: null, role: null, groups: null, setup: false, token: null };
 const listeners = [];
 // The newest moment from the gateway. An order names the one that was newest when it was given: what waits on its way is old.
 let moment = null;
@@ -30,6 +30,11 @@ export function may_command(group) {
 /** Whether the user may stop drives: all of them, whatever their groups. */
 export function may_stop() {
   return session.user !== null && session.role !== "view";
+}
+
+/** Whether the user may do what concerns the gateway as a whole. */
+export function may_maintain() {
+  return session.role === "maintain" || session.role === "setup";
 }
 
 /** Whether one has to sign in to see the drives. */
@@ -63,11 +68,15 @@ async function ask(timeout_ms) {
   return answer;
 }
 
+function rights_in({ role = null, groups = null, setup = false, token = null }) {
+  return { role, groups, setup, token };
+}
+
 /** Asks the gateway who is signed in. Where it knows of no sessions, control is off. */
 export async function refresh() {
   try {
-    const { enabled = false, private: is_private = false, user = null, role = null, groups = null, token = null } = await ask(TIMEOUT_MS);
-    take({ is_known: true, enabled, is_private, user, role, groups, token });
+    const { enabled = false, private: is_private = false, user = null, ...rights } = await ask(TIMEOUT_MS);
+    take({ is_known: true, enabled, is_private, user, ...rights_in(rights) });
   } catch {
     // It is asked again when the gateway is back.
   }
@@ -78,8 +87,7 @@ export async function sign_in(user, password) {
   const { status, answer } = await send("POST", "api/v1/session", { user, password }, TIMEOUT_MS);
   if (status === 200) {
     see(answer.moment);
-    const { role = null, groups = null, token = null } = answer;
-    take({ is_known: true, enabled: true, user: answer.user ?? user, role, groups, token });
+    take({ is_known: true, enabled: true, user: answer.user ?? user, ...rights_in(answer) });
     announce(`Signed in as ${session.user}`);
     return null;
   }
@@ -91,7 +99,7 @@ export async function sign_out() {
   await send("DELETE", "api/v1/session", null, TIMEOUT_MS);
   // What is shown is for users only.
   if (session.is_private) location.reload();
-  take({ user: null, role: null, groups: null, token: null });
+  take({ user: null, ...rights_in({}) });
   await refresh();
 }
 
@@ -171,6 +179,21 @@ export async function stop_all() {
   if (Array.isArray(reply.answer?.drives)) return reply.answer.drives;
   const { outcome, message } = judged(reply, true);
   return [{ drive: "All drives", outcome, message }];
+}
+
+/** Asks something of set-up; returns the answer, or what went wrong. */
+export async function set_up(method, path, body = null) {
+  const is_order = method !== "GET";
+  try {
+    if (is_order && performance.now() - seen_at > FRESH_MS) await ask(TIMEOUT_MS / 2);
+  } catch {
+    // What is sent now is refused, or lost as well.
+  }
+  const { status, answer } = await send(method, `api/v1/setup${path}`, body, TIMEOUT_MS, is_order ? moment : null);
+  if (status >= 200 && status < 300) return { answer: answer ?? {}, error: null };
+  if (status === 0) return { answer: null, error: "The gateway did not answer. Try again." };
+  if (status === 401) return { answer: null, error: "You are signed out. Sign in and go on: what you typed is still here." };
+  return { answer, error: answer?.error ?? `The gateway answered ${status}.` };
 }
 
 /** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */

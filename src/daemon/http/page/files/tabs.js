@@ -32,7 +32,7 @@ export class Tabs {
   begin() {
     if (this.chosen) return;
     const wanted = location.hash.slice(1);
-    this.choose(this.panels.find((panel) => panel.id === wanted) ?? this.panels[0]);
+    this.choose(this.panels.find((panel) => panel.id === wanted && !panel.tab.hidden) ?? this.panels[0]);
   }
 
   choose(panel) {
@@ -53,6 +53,15 @@ export class Tabs {
     if (this.chosen === panel && this.panels.length > 0) this.choose(this.panels[0]);
   }
 
+  /** Whether a panel can be chosen at all. */
+  offer(id, is) {
+    const panel = this.panels.find((other) => other.id === id);
+    if (!panel || panel.tab.hidden === !is) return;
+    show(panel.tab, is);
+    if (is && location.hash === `#${id}` && this.chosen) this.choose(panel);
+    if (!is && this.chosen === panel) this.choose(this.panels[0]);
+  }
+
   draw() {
     for (const panel of this.panels) {
       const is = panel === this.chosen;
@@ -63,12 +72,13 @@ export class Tabs {
   }
 
   key(event) {
-    const at = this.panels.indexOf(this.chosen);
-    const last = this.panels.length - 1;
+    const panels = this.panels.filter(({ tab }) => !tab.hidden);
+    const at = panels.indexOf(this.chosen);
+    const last = panels.length - 1;
     const to = { ArrowRight: at === last ? 0 : at + 1, ArrowLeft: at === 0 ? last : at - 1, Home: 0, End: last }[event.key];
     if (to === undefined) return;
     event.preventDefault();
-    this.choose(this.panels[to]);
-    this.panels[to].tab.focus();
+    this.choose(panels[to]);
+    panels[to].tab.focus();
   }
 }

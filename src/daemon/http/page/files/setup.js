@@ -1,0 +1,264 @@
+// Set-up: from a port to drives that are read, one step at a time. A step leaves what was typed in the draft.
+
+import { h, show, text } from "./dom.js";
+import { field, list, numbered, wide } from "./setup_parts.js";
+import { Found } from "./setup_found.js";
+import { Rules } from "./setup_rules.js";
+import { verify } from "./setup_verify.js";
+import * as session from "./session.js";
+
+const EVERY_MS = 1000;
+const BAUDS = [1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200];
+
+/** The panel. */
+export class Panel {
+  constructor(element) {
+    this.element = element;
+    this.error = h("p", { class: "wrong", role: "alert" });
+    this.stage = h("div", { class: "stage" });
+    element.append(this.stage, this.error);
+    this.draft = { port: null, stations: "1-32", line: "line-1", scan: null, found: null, rules: new Rules(), drive: null };
+    this.site = null;
+    this.timer = null;
+    this.is_open = false;
+  }
+
+  async open() {
+    this.is_open = true;
+    if (this.step) return this.step.resume?.();
+    await this.begin();
+  }
+
+  close() {
+    this.is_open = false;
+    clearTimeout(this.timer);
+  }
+
+  /** Where one is: a scan that runs or is done is found again after a reload. */
+  async begin() {
+    const site = await this.ask("GET", "");
+    if (!site) return;
+    this.site = site;
+    if (site.scan?.state === "running") this.show_scan(site.scan);
+    else if (site.scan?.state === "done") this.show_found(site.scan);
+    else this.show_port();
+  }
+
+  /** Asks the gateway; what went wrong is shown, and then null is returned. */
+  async ask(method, path, body = null) {
+    text(this.error, "");
+    const { answer, error } = await session.set_up(method, path, body);
+    if (error !== null) text(this.error, error);
+    return error === null ? answer : null;
+  }
+
+  /** Shows a step, and gives it the place of the keyboard. */
+  show(title, step, ...content) {
+    clearTimeout(this.timer);
+    this.step = step;
+    text(this.error, "");
+    const heading = h("h3", { tabindex: "-1" }, title);
+    this.stage.replaceChildren(heading, ...content);
+    heading.focus({ preventScroll: true });
+    heading.scrollIntoView({ block: "nearest" });
+  }
+
+  show_port() {
+    const { configuration, ports, lines } = this.site;
+    const chosen = (value) => () => (this.draft.port = value);
+    const server = h("input", { type: "text", placeholder: "/dev/ttyUSB0 or tcp://10.0.0.7:4001", autocapitalize: "off", autocomplete: "off", "aria-label": "Path, or address of a serial device server" });
+    const at_server = h("input", { type: "radio", name: "port", change: chosen(null) });
+    server.addEventListener("input", () => (at_server.checked = true));
+    const rows = ports.map((port) => port_row(port, this.draft.port === port.port, chosen(port.port)));
+    const stations = h("input", { type: "text", value: this.draft.stations, inputmode: "numeric", autocomplete: "off" });
+    const known = link_choice();
+    const scan = () => {
+      const port = at_server.checked ? server.value.trim() : this.draft.port;
+      this.draft.stations = stations.value;
+      if (!port) return text(this.error, "Choose a port.");
+      return this.scan({ port, stations: stations.value, ...known.value() });
+    };
+    const uncontrolled = lines.flatMap(({ drives }) => drives).filter(({ is_controlled }) => !is_controlled);
+    this.show(
+      "Which port are the drives on?",
+      { resume: () => this.begin() },
+      configuration.why_not && h("p", { class: "wrong" }, configuration.why_not),
+      rows.length === 0 && h("p", { class: "message" }, "This host has no serial port. Is the adapter plugged in?"),
+      h("fieldset", { class: "options" }, h("legend", { class: "unseen" }, "Port"), ...rows,
+        h("label", { class: "option" }, at_server, h("span", {}, h("b", {}, "Another port, or a serial device server"), server))),
+      field("Stations to ask", stations, "1-32 is usual; 1-247 are all"),
+      known.element,
+      h("p", { class: "message" }, "Scanning only reads. It refuses a line on which somebody else sends."),
+      wide("Scan", scan, "primary"),
+      uncontrolled.length > 0 && this.offer_control(uncontrolled),
+    );
+  }
+
+  /** Control for a drive that is read already. */
+  offer_control(drives) {
+    const select = h("select", {}, ...drives.map(({ name }) => h("option", { value: name }, name)));
+    const give = () => {
+      this.draft.drive = drives.find(({ name }) => name === select.value);
+      this.show_rules();
+    };
+    return h("div", { class: "part" }, field("Drive that nobody may command yet", select), wide("Give it control", give));
+  }
+
+  async scan(body) {
+    const scan = await this.ask("POST", "/scan", body);
+    if (scan) this.show_scan(scan);
+  }
+
+  show_scan(scan) {
+    const bar = h("progress", { max: scan.asks, value: 0, "aria-label": "Stations that were asked" });
+    const told = h("p", { class: "message", role: "status" });
+    const found = h("ul", { class: "plain-list" });
+    const draw = (now) => {
+      bar.value = now.asked;
+      const drives = now.drives.length;
+      text(told, `${drives} ${drives === 1 ? "drive" : "drives"}${now.at ? `; asking at ${now.at}` : "; listening first"}`);
+      found.replaceChildren(...now.drives.map((drive) => h("li", {}, h("b", {}, `Station ${drive.station}`), ` ${guess(drive)}, ${drive.at}`)));
+    };
+    const look = async () => {
+      const { answer, error } = await session.set_up("GET", "/scan");
+      if (!this.is_open || this.step !== step) return;
+      text(this.error, error ?? "");
+      if (answer?.state === "running") draw(answer);
+      else if (answer?.state === "done") return this.show_found(answer);
+      else if (answer?.state) return this.end_scan(answer.error ?? "The scan was ended.");
+      this.timer = setTimeout(look, EVERY_MS);
+    };
+    const step = { resume: look };
+    this.show(`Looking for drives on ${scan.port}`, step, bar, told, found, wide("End the scan", () => this.end_scan(null)));
+    draw(scan);
+    this.timer = setTimeout(look, EVERY_MS);
+  }
+
+  async end_scan(why) {
+    await this.ask("DELETE", "/scan");
+    await this.begin();
+    if (why !== null) text(this.error, why);
+  }
+
+  show_found(scan) {
+    this.draft.scan = scan;
+    this.draft.found ??= new Found(scan, (body) => this.ask("POST", "/values", body));
+    const { found } = this.draft;
+    const next = () => {
+      const wrong = found.wrong();
+      if (wrong !== null) return text(this.error, wrong);
+      this.draft.drive = null;
+      return this.show_rules();
+    };
+    const again = async () => {
+      this.draft.found = null;
+      await this.end_scan(null);
+    };
+    const is_any = found.count() > 0;
+    const title = is_any ? `${found.count()} ${found.count() === 1 ? "drive" : "drives"} at ${scan.link}` : "No drive of a known model answers";
+    this.show(title, {}, found.element, is_any && wide("Continue", next, "primary"), wide("Scan again", again));
+  }
+
+  show_rules() {
+    const { rules, found, drive } = this.draft;
+    const drives = drive ? [{ name: drive.name, is_unproven: true }] : found.drives();
+    const back = () => (drive ? this.begin() : this.show_found(this.draft.scan));
+    const check = () => {
+      const wrong = rules.wrong();
+      if (wrong !== null) return text(this.error, wrong);
+      return this.check();
+    };
+    const name = h("input", { type: "text", value: this.draft.line, autocapitalize: "off", autocomplete: "off" });
+    name.addEventListener("input", () => (this.draft.line = name.value.trim()));
+    rules.offer(this.site, drives, drive !== null);
+    const title = drive ? `Who may command ${drive.name}?` : "Who may command the drives?";
+    this.show(title, {}, !drive && field("Name of the line", name), rules.element, wide("Check", check, "primary"), wide("Back", back));
+  }
+
+  /** What is to be added, as the gateway takes it. */
+  wanted() {
+    const { rules, found, drive, line } = this.draft;
+    if (drive) return { drive: drive.name, control: rules.control(drive.name, true) };
+    const drives = found.drives().map(({ name, station, model, full_scale_hz, is_unproven }) => ({
+      name, station, model, full_scale_hz, control: rules.control(name, is_unproven),
+    }));
+    return { line: { name: line }, drives };
+  }
+
+  async check() {
+    const wanted = this.wanted();
+    const proposal = await this.ask("POST", "/proposal", wanted);
+    if (!proposal) return;
+    const { path } = this.site.configuration;
+    const apply = wide("Apply", () => this.apply(wanted, proposal.digest), "primary");
+    show(apply, proposal.is_right);
+    this.show(
+      proposal.is_right ? "This will be added" : "This cannot be added yet",
+      {},
+      list("Problems", proposal.problems.map(problem_text), "problem"),
+      list("Warnings", proposal.warnings.map(problem_text), "hint"),
+      list("What it costs", proposal.summary, "good"),
+      h("p", { class: "message" }, `In ${path}, from line ${proposal.line_number} on. All else stays, comments too; the old file is kept beside it.`),
+      h("pre", { class: "added", tabindex: "0", role: "region", "aria-label": "Text that will be added" }, numbered(proposal.text, proposal.line_number)),
+      apply,
+      wide("Back", () => this.show_rules()),
+    );
+  }
+
+  async apply(wanted, digest) {
+    const done = await this.ask("POST", "/apply", { ...wanted, digest });
+    if (!done) return;
+    const names = wanted.drive ? [wanted.drive] : wanted.drives.map(({ name }) => name);
+    const again = async () => {
+      Object.assign(this.draft, { found: null, drive: null, port: null });
+      await this.end_scan(null);
+    };
+    this.show(
+      "It is in force",
+      {},
+      list("Changes", done.changes, "good"),
+      list("Warnings", done.warnings.map(problem_text), "hint"),
+      h("p", { class: "message" }, `The old file is ${done.kept_as}.`),
+      h("p", {}, "Does each drive obey the bus? Verify reads its settings."),
+      ...names.map((name) => verify(name, (method, path, body) => this.ask(method, path, body))),
+      wide("Set up more", again),
+    );
+  }
+}
+
+function guess({ confidence, models, other }) {
+  if (confidence === "asking") return "being asked what it is";
+  const titles = models.slice(0, 3).map(({ vendor, title }) => `${vendor} ${title}`);
+  return other ? `says that it is ${other}` : titles.join(" or ") || "of no known model";
+}
+
+function problem_text({ line, what, right }) {
+  return `${line === null ? "" : `Line ${line}: `}${what}${right ? `. Right would be ${right}` : ""}`;
+}
+
+/** A port with what keeps one from it. */
+function port_row({ port, driver, group, may_open, holders, line }, is_chosen, choose) {
+  const why = [];
+  if (line) why.push(`line ${line} uses it`);
+  else if (holders.length > 0) why.push(`in use by ${holders.join(", ")}: end it first`);
+  if (!may_open) why.push(`the gateway may not open it: its user must be in the group ${group}`);
+  const radio = h("input", { type: "radio", name: "port", change: choose, disabled: why.length > 0, checked: is_chosen && why.length === 0 });
+  return h("label", { class: "option" }, radio, h("span", {}, h("b", {}, port), h("small", {}, [driver ?? "driver not known", ...why].join("; "))));
+}
+
+/** For those who know the setting of the line: one is faster than all. */
+function link_choice() {
+  const option = (value, label = value) => h("option", { value }, String(label));
+  const baud = h("select", { "aria-label": "Speed" }, option("", "factory settings"), ...BAUDS.map((it) => option(it, `${it} bit/s`)), option("all", "all, which takes long"));
+  const parity = h("select", { "aria-label": "Parity" }, option("none", "no parity"), option("even", "even"), option("odd", "odd"));
+  const stop_bits = h("select", { "aria-label": "Stop bits" }, option("1", "1 stop bit"), option("2", "2 stop bits"));
+  const more = h("span", { class: "entry" }, parity, stop_bits);
+  show(more, false);
+  baud.addEventListener("change", () => show(more, Number(baud.value) > 0));
+  const value = () => {
+    if (baud.value === "all") return { all_settings: true };
+    if (baud.value === "") return {};
+    return { link: { baud: Number(baud.value), parity: parity.value, stop_bits: Number(stop_bits.value) } };
+  };
+  return { element: h("div", { class: "part" }, field("Settings to try", baud), more), value };
+}
