@@ -88,6 +88,10 @@ pub struct Args {
     /// Directory for the journal and the tools
     #[arg(long, value_name = "DIR")]
     pub data_dir: Option<PathBuf>,
+    /// Install the gateway as a service of systemd, or install and start it. Needs root, and --out
+    /// /etc/vfd-gateway/vfd-gateway.toml
+    #[arg(long, value_name = "none|install|start")]
+    pub service: Option<String>,
     /// Run the gateway afterwards: yes or no
     #[arg(long, value_name = "yes|no")]
     pub start: Option<String>,

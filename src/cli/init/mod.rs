@@ -3,6 +3,7 @@
 mod answers;
 mod args;
 mod line;
+mod service;
 mod ways;
 
 use super::certificate::make_certificate;
@@ -16,6 +17,7 @@ use crate::domain::calendar;
 use crate::profile::catalog::Catalog;
 use answers::Answers;
 pub use args::Args;
+use service::{Facts, WANTED, Wanted};
 use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};
 use ways::Secrets;
@@ -29,6 +31,7 @@ pub fn init(args: &Args) -> Result<(), Failure> {
     if out.exists() {
         return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
     }
+    let can_be_service = can_be_service(args, &out)?;
     let directory = out.parent().unwrap_or(Path::new("/")).to_path_buf();
     let catalog = input::catalog_with(&ModelDirs::default())?;
     let mut questions = Questions::new(io::stdin().lock());
@@ -36,15 +39,42 @@ pub fn init(args: &Args) -> Result<(), Failure> {
     let answers = asked(&mut questions, args, &catalog, &directory, &mut secrets)?;
     let text = answers.text();
     checked(&text, &catalog)?;
+    let service = service_wanted(&mut questions, args, can_be_service)?;
     let start = "Run the gateway now, in this terminal";
-    let starts = questions.given_or_asked(args.start.as_deref(), "--start", start, Some("no"), line::yes)?;
+    let starts = service == Wanted::None
+        && questions.given_or_asked(args.start.as_deref(), "--start", start, Some("no"), line::yes)?;
     drop(questions);
     write(&out, &text, &answers, &secrets)?;
+    if service != Wanted::None {
+        print("\nThe service:\n")?;
+        service::carry_out(&service::steps(&Facts::of_host(), &answers.data_dir, service))?;
+    }
     print(&format!(
         "\n{text}\n{} is written. What next:\n  vfd-gateway check -c {0}\n  vfd-gateway run -c {0}\n",
         out.display()
     ))?;
     if starts { run::run(&run::Args { config: out }) } else { Ok(()) }
+}
+
+/// Whether a service can be installed. One that is wanted by the flag and cannot is an error, before anything is asked.
+fn can_be_service(args: &Args, out: &Path) -> Result<bool, Failure> {
+    match (args.service.as_deref(), service::why_not(out)) {
+        (Some(given), Some(why)) if given != "none" => Err(Failure::wrong(format!("--service {given}: {why}"))),
+        (_, why) => Ok(why.is_none()),
+    }
+}
+
+/// Asked only where a service can be installed.
+fn service_wanted<R: BufRead>(questions: &mut Questions<R>, args: &Args, can_be: bool) -> Result<Wanted, Failure> {
+    let parse = |text: &str| {
+        let word = WANTED.into_iter().find(|(word, _)| *word == text).map(|(_, wanted)| wanted);
+        word.ok_or_else(|| format!("`{text}` is none of none, install, start"))
+    };
+    if !can_be {
+        return Ok(Wanted::None);
+    }
+    let question = "The gateway as a service: none, install, or start (which installs it too)";
+    questions.given_or_asked(args.service.as_deref(), "--service", question, Some("none"), parse)
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
@@ -107,6 +137,11 @@ fn checked(text: &str, catalog: &Catalog) -> Result<(), Failure> {
 
 /// Secrets and certificate first, the configuration that names them last.
 fn write(out: &Path, text: &str, answers: &Answers, secrets: &Secrets) -> Result<(), Failure> {
+    if out == Path::new(service::CONFIGURATION) {
+        let directory = out.parent().unwrap_or(Path::new("/"));
+        std::fs::create_dir_all(directory)
+            .map_err(|error| Failure::failed(format!("{}: {error}", directory.display())))?;
+    }
     match directories::make(&answers.data_dir) {
         Ok(_) => (),
         // The gateway controls without it, and says so.
