@@ -102,7 +102,7 @@ fn drives_of(scan: &Value, control: &Value) -> Vec<Value> {
 fn control() -> Value {
     json!({
         "from": ["page"], "min_frequency_hz": 5, "max_frequency_hz": 50, "directions": "forward", "on_commander_lost": "stop",
-        "lost_after_s": 10, "on_shutdown": "stop", "accept_unverified": true,
+        "lost_after_s": 60, "on_shutdown": "stop", "accept_unverified": true,
     })
 }
 
@@ -154,6 +154,28 @@ fn eight_drives_are_found_added_and_read_and_the_file_keeps_its_comments() {
     assert_eq!((&seen["drive"], &seen["model"]), (&json!("p1"), &json!(MODELS[0])), "{seen}");
     let again = error(&anna.post("/api/v1/setup/proposal", &given), 409);
     assert!(again.contains("already"), "{again}");
+    a_refused_reload_leaves_the_file_as_it_was(&site, &anna);
+}
+
+/// The line of a drive that runs is not restarted.
+fn a_refused_reload_leaves_the_file_as_it_was(site: &Site, anna: &Browser) {
+    until("p1 is started", PATIENCE, || {
+        let answer = anna.post("/api/v1/drives/p1/command", &json!({ "run": "forward", "frequency_hz": 30 })).json();
+        let outcome = answer["outcome"].as_str().unwrap().to_owned();
+        (outcome == "confirmed" || outcome == "acknowledged").then_some(())
+    });
+    let kept = || {
+        let files = std::fs::read_dir(site.file.parent().unwrap()).unwrap();
+        files.filter(|file| file.as_ref().unwrap().file_name().to_string_lossy().contains(".bak-")).count()
+    };
+    let (before, kept_before) = (site.text(), kept());
+    let mut apply = json!({ "drive": "p2", "control": control() });
+    apply["digest"] = ok(&anna.post("/api/v1/setup/proposal", &apply), 200)["digest"].clone();
+    let refused = error(&anna.post("/api/v1/setup/apply", &apply), 409);
+    assert!(refused.contains("drive p1 is in use") && refused.contains("is as it was"), "{refused}");
+    assert_eq!((site.text(), kept()), (before, kept_before));
+    let stopped = anna.post("/api/v1/drives/p1/command", &json!({ "run": "stop" })).json();
+    assert_ne!(stopped["outcome"], "refused", "{stopped}");
 }
 
 #[test]

@@ -412,3 +412,26 @@ fn the_traffic_of_a_line_is_shown_while_somebody_looks() {
     assert_eq!(browser.script(rows), stopped, "nothing is shown behind the end");
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
+
+#[test]
+fn the_installed_app_says_that_the_gateway_is_not_reached_and_finds_it_again() {
+    let mut shop = Shop::open(false);
+    let browser = shop.browser();
+    let app = format!("http://{}/open/", shop.http);
+    let workers = "return navigator.serviceWorker.getRegistrations().then((all) => all.map((it) => \
+                   [it.scope, it.active?.state ?? null]))";
+    until("its worker is there", PATIENCE, || {
+        (browser.script(workers) == serde_json::json!([[app, "activated"]])).then_some(())
+    });
+    assert_eq!(browser.script("return navigator.serviceWorker.controller"), Value::Null, "it is not before the page");
+    browser.open(&app);
+    browser.wait(IS_LIVE);
+    assert_eq!(browser.script("return location.pathname"), "/");
+    shop.gateway.kill();
+    browser.open(&app);
+    browser.wait_for_text("h1", "No contact with the gateway");
+    shop.gateway = run(&shop.file);
+    until("the page is back", PATIENCE, || {
+        (browser.script("return document.body.dataset.connection ?? null") == "live").then_some(())
+    });
+}

@@ -14,6 +14,9 @@ use std::sync::LazyLock;
 /// The file that is the page itself.
 const INDEX: &str = "index.html";
 
+/// What a browser keeps to say that the gateway is not reached. It is served at the root, because it acts below itself.
+const OFFLINE_WORKER: &str = "offline.js";
+
 /// A file of the page.
 #[derive(Debug)]
 struct File {
@@ -30,11 +33,11 @@ macro_rules! files {
 
 /// All files, by their kind.
 const FILES: [&[File]; 6] = [
-    &files!("text/html; charset=utf-8": "index.html"),
+    &files!("text/html; charset=utf-8": "index.html", "offline.html"),
     &files!("text/css; charset=utf-8": "page.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
         "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "hold.js",
-        "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "problems.js", "report.js", "session.js",
+        "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js", "session.js",
         "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
     ),
     &files!("image/svg+xml": "icon-problem.svg", "icon.svg"),
@@ -54,11 +57,15 @@ static TAGGED: LazyLock<Vec<Tagged>> = LazyLock::new(|| {
     FILES.iter().copied().flatten().map(tagged).collect()
 });
 
-/// The page at `/`, and what it needs below `/assets/`.
+/// The page at `/`, and what it needs below `/assets/`. `/open/` leads to it: the app that was installed from the page
+/// starts there, and only there its worker may answer that the gateway is not reached.
 pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let index = async |headers: HeaderMap| answer(INDEX, &headers);
     let asset = async |Path(name): Path<String>, headers: HeaderMap| answer(&name, &headers);
-    Router::new().route("/", get(index)).route("/assets/{name}", get(asset))
+    let worker = async |headers: HeaderMap| answer(OFFLINE_WORKER, &headers);
+    let open = async || (StatusCode::SEE_OTHER, [(header::LOCATION, "../"), (header::CACHE_CONTROL, "no-store")]);
+    let router = Router::new().route("/", get(index)).route("/assets/{name}", get(asset));
+    router.route("/open/", get(open)).route("/offline.js", get(worker))
 }
 
 fn answer(name: &str, asked: &HeaderMap) -> Response {

@@ -145,6 +145,10 @@ const on = {
   },
 };
 
+// For the installed app alone, which starts below `open/`. It never stands between this page and the gateway: a stop must not
+// wait for it.
+navigator.serviceWorker?.register("offline.js", { scope: "open/" }).catch(() => {});
+
 const stream = new Stream(on);
 session.changed(({ setup }) => {
   tabs.offer("setup", setup);

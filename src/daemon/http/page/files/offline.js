@@ -1,0 +1,11 @@
+// Says to a person who starts the installed app that the gateway is not reached. It keeps one page and answers nothing else.
+
+const KEPT = "offline-1";
+const PAGE = "assets/offline.html";
+
+self.addEventListener("install", (event) => event.waitUntil(caches.open(KEPT).then((kept) => kept.add(PAGE))));
+
+self.addEventListener("fetch", (event) => {
+  if (event.request.mode !== "navigate") return;
+  event.respondWith(fetch(event.request).catch(async () => (await caches.match(PAGE)) ?? Response.error()));
+});
