@@ -15,7 +15,14 @@ const CONFIDENCE = {
   "third-party": "from a third party, unconfirmed",
 };
 
+const AGES_MS = 500;
+/** Of so many times that ages are drawn, those out of sight are once. */
+const OUT_OF_SIGHT = 10;
+
 const cards = new Map();
+/** The card of each element. */
+const of_element = new WeakMap();
+let ticks = 0;
 let place = null;
 let is_live = false;
 let are_rows = false;
@@ -26,9 +33,21 @@ let order = [];
 /** Prepares the cards inside `element`. */
 export function start(element) {
   place = element;
-  setInterval(() => cards.forEach((card) => card.draw_ages()), 500);
+  setInterval(draw_ages, AGES_MS);
   leases.changed((name) => cards.get(name)?.draw());
 }
+
+/** Cards out of sight are drawn less often: with many drives it is most of what the page costs. */
+function draw_ages() {
+  ticks += 1;
+  for (const card of cards.values()) {
+    if (card.is_seen || ticks % OUT_OF_SIGHT === 0) card.draw_ages();
+  }
+}
+
+const watcher = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) of_element.get(target)?.see(isIntersecting);
+}, { rootMargin: "25%" });
 
 /** Shows these drives and no others. */
 export function replace(drives) {
@@ -127,6 +146,15 @@ class Card {
       this.details,
       h("footer", {}, this.owner, this.age),
     );
+    this.is_seen = true;
+    of_element.set(this.element, this);
+    watcher.observe(this.element);
+  }
+
+  /** It has come into the window, or left it. */
+  see(is) {
+    this.is_seen = is;
+    if (is) this.draw_ages();
   }
 
   take(news) {

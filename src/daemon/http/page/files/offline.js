@@ -1,5 +1,6 @@
 // Says to a person who starts the installed app that the gateway is not reached. It keeps one page and answers nothing else.
 
+// A browser keeps the page until this name is another one: a changed page needs a new name.
 const KEPT = "offline-1";
 const PAGE = "assets/offline.html";
 
