@@ -174,6 +174,14 @@ fn a_refused_reload_leaves_the_file_as_it_was(site: &Site, anna: &Browser) {
     let refused = error(&anna.post("/api/v1/setup/apply", &apply), 409);
     assert!(refused.contains("drive p1 is in use") && refused.contains("is as it was"), "{refused}");
     assert_eq!((site.text(), kept()), (before, kept_before));
+    let kept_rows = || {
+        let csv = anna.get("/api/v1/journal?table=audit&format=csv").body;
+        ["set-up: line hall-1 with ", "set-up: control of p2: the gateway did not take it over"]
+            .iter()
+            .all(|part| csv.lines().any(|row| row.contains(part) && row.contains("anna")))
+            .then_some(())
+    };
+    until("the audit names who did it, and why not", PATIENCE, kept_rows);
     let stopped = anna.post("/api/v1/drives/p1/command", &json!({ "run": "stop" })).json();
     assert_ne!(stopped["outcome"], "refused", "{stopped}");
 }

@@ -181,13 +181,16 @@ async fn apply(State(control): State<Arc<Control>>, request: Request) -> Respons
         let Ok((done, wanted)) = changed.await else {
             return Err(refused(StatusCode::INTERNAL_SERVER_ERROR, "the change broke off"));
         };
-        let outcome = if done.is_ok() { Outcome::Acknowledged } else { Outcome::Refused };
-        let reason = if done.is_ok() { Reason::None } else { Reason::NotAllowed };
-        kept(&control, who, &described(&wanted), Report::new(outcome, reason));
+        let what = described(&wanted);
+        match &done {
+            Ok(_) => kept(&control, who, Outcome::Acknowledged, &what),
+            Err(NotDone::Refused(why)) => kept(&control, who, Outcome::Refused, &format!("{what}: {why}")),
+            Err(NotDone::Problems(_)) => kept(&control, who, Outcome::Refused, &format!("{what}: it has problems")),
+        }
         match done {
             Ok(done) => {
                 let kept_as = done.kept_as.display().to_string();
-                tracing::info!(by = %who.owner(), kept_as, "configuration changed from the page: {}", described(&wanted));
+                tracing::info!(by = %who.owner(), kept_as, "configuration changed from the page: {what}");
                 let changes: Vec<_> = done.applied.changes.iter().map(ToString::to_string).collect();
                 let warnings = problems_json(&done.applied.warnings, "");
                 let answer = json!({ "applied": true, "kept_as": kept_as, "changes": changes, "warnings": warnings });
@@ -215,9 +218,10 @@ fn described(wanted: &Wanted) -> String {
     }
 }
 
-fn kept(control: &Control, who: Who, what: &str, report: Report) {
+/// Keeps in the audit what a user did here; why it was refused is part of the text.
+fn kept(control: &Control, who: Who, outcome: Outcome, what: &str) {
     let tried = Tried::Text(what.chars().take(KEPT_CHARS).collect());
-    control.side.keep(who, None, tried, report);
+    control.side.keep(who, None, tried, Report::new(outcome, Reason::None));
 }
 
 async fn verify(State(control): State<Arc<Control>>, Path(name): Path<String>, headers: HeaderMap) -> Response {
@@ -248,6 +252,8 @@ async fn enable(State(control): State<Arc<Control>>, Path(name): Path<String>, r
             return Err(refused(StatusCode::INTERNAL_SERVER_ERROR, "the order broke off"));
         };
         tracing::info!(by = %who.owner(), drive = name, "set for bus control from the page");
+        // The order itself is the gateway's own; this names the user.
+        kept(&control, who, Outcome::Acknowledged, &format!("set-up: enable of {name}"));
         Ok(json(&answer).into_response())
     };
     answered(answer.await)
