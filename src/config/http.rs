@@ -92,7 +92,7 @@ fn setup_has_users(http: &HttpFile, problems: &mut Vec<Problem>) {
     let user = http.users.iter().find_map(|user| user.role.valid().filter(|role| role.value == Role::Setup));
     match (setup, user) {
         (Some(setup), None) => {
-            let problem = setup.location.problem("nobody may set up: no user has the role `setup`");
+            let problem = setup.location.problem("no user may set up: none has the role `setup`");
             problems.push(problem.right("`role = \"setup\"` in a `[[http.users]]`, or no `setup`"));
         }
         (None, Some(role)) => {

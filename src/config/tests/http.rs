@@ -162,7 +162,7 @@ fn set_up_in_the_page_needs_a_user_with_the_role_for_it_and_the_other_way_round(
     assert!(found.setup && found.users[0].rights.may_set_up());
     assert!(!http(&text("", "role = 'maintain'")).setup);
     let problems = problems(&text("setup = true", "role = 'maintain'"));
-    assert!(problems.iter().any(|it| it.contains("http.setup") && it.contains("nobody may set up")), "{problems:?}");
+    assert!(problems.iter().any(|it| it.contains("http.setup") && it.contains("no user may set up")), "{problems:?}");
     let warnings = good(&text("", "role = 'setup'")).warnings;
     assert!(warnings.iter().any(|it| it.key == "http.users[0].role"), "{warnings:?}");
 }

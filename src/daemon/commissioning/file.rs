@@ -180,7 +180,13 @@ impl Commissioning {
             Refused::InTheWay(format!("{}: {why}", self.path().display()))
         })?;
         match self.side.reload().await {
-            Ok(applied) => Ok(Done { kept_as, applied }),
+            Ok(applied) => {
+                // Its drives are on a line now.
+                if matches!(wanted, Wanted::Line { .. }) {
+                    self.forget().await;
+                }
+                Ok(Done { kept_as, applied })
+            }
             Err(refusal) => {
                 let file = self.file();
                 let back = move || whole_files::replace(&file, &old, readers).and_then(|()| fs::remove_file(&kept_as));

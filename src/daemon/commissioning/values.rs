@@ -38,7 +38,10 @@ impl Commissioning {
         let scan = self.done()?;
         let place = self.place()?;
         let progress = scan.progress();
-        let finding = progress.findings.drives.iter().find(|finding| finding.station == station);
+        let here = scan.setting().map(|(number, _)| number);
+        // Where one number answers at two settings, it is two drives; those that can be added have the usual setting.
+        let mut of_station = progress.findings.drives.iter().filter(|finding| finding.station == station);
+        let finding = of_station.clone().find(|finding| Some(finding.setting) == here).or_else(|| of_station.next());
         let finding = finding.ok_or_else(|| Refused::NotThere(format!("no drive was found at station {station}")))?;
         let fits = |id: &String| finding.verdict.fits.iter().find(|(model, _)| model.id == *id).map(|(model, _)| model);
         let models: Vec<Arc<Model>> = ids.iter().filter_map(fits).cloned().collect();

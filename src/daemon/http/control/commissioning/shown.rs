@@ -76,6 +76,8 @@ fn line_json(line: &LineSettings) -> Value {
             "model": drive.model.id,
             "title": drive.model.title,
             "is_controlled": drive.control.is_some(),
+            "can_be_commanded": drive.model.run.is_some(),
+            "is_unproven": !drive.model.unproven_basics().is_empty(),
         })
     };
     json!({

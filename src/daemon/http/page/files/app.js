@@ -23,8 +23,13 @@ function lazy(path, element) {
   let panel = null;
   return {
     open: async () => {
-      panel ??= import(path).then(({ Panel }) => new Panel(element));
-      (await panel).open();
+      try {
+        panel ??= import(path).then(({ Panel }) => new Panel(element));
+        (await panel).open();
+      } catch {
+        panel = null;
+        text(element, "The gateway did not answer. Choose this again.");
+      }
     },
     close: async () => (await panel)?.close(),
   };

@@ -190,10 +190,14 @@ export async function set_up(method, path, body = null) {
     // What is sent now is refused, or lost as well.
   }
   const { status, answer } = await send(method, `api/v1/setup${path}`, body, TIMEOUT_MS, is_order ? moment : null);
-  if (status >= 200 && status < 300) return { answer: answer ?? {}, error: null };
-  if (status === 0) return { answer: null, error: "The gateway did not answer. Try again." };
-  if (status === 401) return { answer: null, error: "You are signed out. Sign in and go on: what you typed is still here." };
-  return { answer, error: answer?.error ?? `The gateway answered ${status}.` };
+  const is_unknown = status === 0 && is_order;
+  if (status >= 200 && status < 300) return { answer: answer ?? {}, error: null, is_unknown };
+  if (status === 0) return { answer: null, error: "The gateway did not answer.", is_unknown };
+  if (status === 401) {
+    await refresh();
+    return { answer: null, error: "You are signed out. Sign in and go on: what you typed is still here.", is_unknown };
+  }
+  return { answer, error: answer?.error ?? `The gateway answered ${status}.`, is_unknown };
 }
 
 /** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */

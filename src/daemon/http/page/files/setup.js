@@ -17,7 +17,7 @@ export class Panel {
     this.error = h("p", { class: "wrong", role: "alert" });
     this.stage = h("div", { class: "stage" });
     element.append(this.stage, this.error);
-    this.draft = { port: null, stations: "1-32", line: "line-1", scan: null, found: null, rules: new Rules(), drive: null };
+    this.draft = { port: null, server: "", stations: "1-32", line: "line-1", scan: null, found: null, rules: new Rules(), drive: null };
     this.site = null;
     this.timer = null;
     this.is_open = false;
@@ -48,8 +48,13 @@ export class Panel {
   async ask(method, path, body = null) {
     text(this.error, "");
     const { answer, error } = await session.set_up(method, path, body);
-    if (error !== null) text(this.error, error);
+    if (error !== null) this.fail([error, ...(answer?.problems ?? []).map(problem_text)].join(" "));
     return error === null ? answer : null;
+  }
+
+  fail(why) {
+    text(this.error, why);
+    this.error.scrollIntoView({ block: "nearest" });
   }
 
   /** Shows a step, and gives it the place of the keyboard. */
@@ -68,17 +73,23 @@ export class Panel {
     const chosen = (value) => () => (this.draft.port = value);
     const server = h("input", { type: "text", placeholder: "/dev/ttyUSB0 or tcp://10.0.0.7:4001", autocapitalize: "off", autocomplete: "off", "aria-label": "Path, or address of a serial device server" });
     const at_server = h("input", { type: "radio", name: "port", change: chosen(null) });
-    server.addEventListener("input", () => (at_server.checked = true));
+    server.value = this.draft.server;
+    at_server.checked = server.value !== "" && this.draft.port === null;
+    server.addEventListener("input", () => {
+      at_server.checked = true;
+      Object.assign(this.draft, { port: null, server: server.value.trim() });
+    });
     const rows = ports.map((port) => port_row(port, this.draft.port === port.port, chosen(port.port)));
     const stations = h("input", { type: "text", value: this.draft.stations, inputmode: "numeric", autocomplete: "off" });
     const known = link_choice();
     const scan = () => {
       const port = at_server.checked ? server.value.trim() : this.draft.port;
       this.draft.stations = stations.value;
-      if (!port) return text(this.error, "Choose a port.");
+      if (!port) return this.fail("Choose a port.");
       return this.scan({ port, stations: stations.value, ...known.value() });
     };
-    const uncontrolled = lines.flatMap(({ drives }) => drives).filter(({ is_controlled }) => !is_controlled);
+    const drives = lines.flatMap((line) => line.drives);
+    const uncontrolled = drives.filter(({ is_controlled, can_be_commanded }) => !is_controlled && can_be_commanded);
     this.show(
       "Which port are the drives on?",
       { resume: () => this.begin() },
@@ -88,9 +99,10 @@ export class Panel {
         h("label", { class: "option" }, at_server, h("span", {}, h("b", {}, "Another port, or a serial device server"), server))),
       field("Stations to ask", stations, "1-32 is usual; 1-247 are all"),
       known.element,
-      h("p", { class: "message" }, "Scanning only reads. It refuses a line on which somebody else sends."),
+      h("p", { class: "message" }, "Scanning only reads. It refuses a line on which another master sends."),
       wide("Scan", scan, "primary"),
       uncontrolled.length > 0 && this.offer_control(uncontrolled),
+      drives.length > 0 && this.offer_verify(drives),
     );
   }
 
@@ -98,10 +110,17 @@ export class Panel {
   offer_control(drives) {
     const select = h("select", {}, ...drives.map(({ name }) => h("option", { value: name }, name)));
     const give = () => {
-      this.draft.drive = drives.find(({ name }) => name === select.value);
+      Object.assign(this.draft, { drive: drives.find(({ name }) => name === select.value), rules: new Rules() });
       this.show_rules();
     };
-    return h("div", { class: "part" }, field("Drive that nobody may command yet", select), wide("Give it control", give));
+    return h("div", { class: "part" }, field("Drive without control", select), wide("Give it control", give));
+  }
+
+  /** Whether drives that are read already obey the bus. */
+  offer_verify(drives) {
+    const select = h("select", {}, ...drives.map(({ name }) => h("option", { value: name }, name)));
+    const look = () => this.show(`Is ${select.value} set to obey the bus?`, {}, verify(select.value), wide("Back", () => this.begin()));
+    return h("div", { class: "part" }, field("Drive that is read", select), wide("Look at its settings", look));
   }
 
   async scan(body) {
@@ -142,12 +161,13 @@ export class Panel {
 
   show_found(scan) {
     this.draft.scan = scan;
-    this.draft.found ??= new Found(scan, (body) => this.ask("POST", "/values", body));
+    // What was chosen for other drives is not meant for these.
+    if (this.draft.found === null || this.draft.drive) Object.assign(this.draft, { drive: null, rules: new Rules() });
+    this.draft.found ??= new Found(scan);
     const { found } = this.draft;
     const next = () => {
       const wrong = found.wrong();
-      if (wrong !== null) return text(this.error, wrong);
-      this.draft.drive = null;
+      if (wrong !== null) return this.fail(wrong);
       return this.show_rules();
     };
     const again = async () => {
@@ -161,11 +181,11 @@ export class Panel {
 
   show_rules() {
     const { rules, found, drive } = this.draft;
-    const drives = drive ? [{ name: drive.name, is_unproven: true }] : found.drives();
+    const drives = drive ? [drive] : found.drives();
     const back = () => (drive ? this.begin() : this.show_found(this.draft.scan));
     const check = () => {
       const wrong = rules.wrong();
-      if (wrong !== null) return text(this.error, wrong);
+      if (wrong !== null) return this.fail(wrong);
       return this.check();
     };
     const name = h("input", { type: "text", value: this.draft.line, autocapitalize: "off", autocomplete: "off" });
@@ -178,9 +198,9 @@ export class Panel {
   /** What is to be added, as the gateway takes it. */
   wanted() {
     const { rules, found, drive, line } = this.draft;
-    if (drive) return { drive: drive.name, control: rules.control(drive.name, true) };
-    const drives = found.drives().map(({ name, station, model, full_scale_hz, is_unproven }) => ({
-      name, station, model, full_scale_hz, control: rules.control(name, is_unproven),
+    if (drive) return { drive: drive.name, control: rules.control(drive) };
+    const drives = found.drives().map((of) => ({
+      name: of.name, station: of.station, model: of.model, full_scale_hz: of.full_scale_hz, control: rules.control(of),
     }));
     return { line: { name: line }, drives };
   }
@@ -192,11 +212,13 @@ export class Panel {
     const { path } = this.site.configuration;
     const apply = wide("Apply", () => this.apply(wanted, proposal.digest), "primary");
     show(apply, proposal.is_right);
+    const watched = this.draft.rules.is_controlled ? (wanted.drives ?? []).filter(({ control }) => control === null) : [];
     this.show(
       proposal.is_right ? "This will be added" : "This cannot be added yet",
       {},
       list("Problems", proposal.problems.map(problem_text), "problem"),
       list("Warnings", proposal.warnings.map(problem_text), "hint"),
+      list("Only watched, not commanded", watched.map(({ name }) => name), "hint"),
       list("What it costs", proposal.summary, "good"),
       h("p", { class: "message" }, `In ${path}, from line ${proposal.line_number} on. All else stays, comments too; the old file is kept beside it.`),
       h("pre", { class: "added", tabindex: "0", role: "region", "aria-label": "Text that will be added" }, numbered(proposal.text, proposal.line_number)),
@@ -210,7 +232,7 @@ export class Panel {
     if (!done) return;
     const names = wanted.drive ? [wanted.drive] : wanted.drives.map(({ name }) => name);
     const again = async () => {
-      Object.assign(this.draft, { found: null, drive: null, port: null });
+      Object.assign(this.draft, { found: null, drive: null, port: null, server: "", rules: new Rules() });
       await this.end_scan(null);
     };
     this.show(
@@ -220,7 +242,7 @@ export class Panel {
       list("Warnings", done.warnings.map(problem_text), "hint"),
       h("p", { class: "message" }, `The old file is ${done.kept_as}.`),
       h("p", {}, "Does each drive obey the bus? Verify reads its settings."),
-      ...names.map((name) => verify(name, (method, path, body) => this.ask(method, path, body))),
+      ...names.map((name) => verify(name)),
       wide("Set up more", again),
     );
   }

@@ -2,10 +2,11 @@
 
 import { h, show, text } from "./dom.js";
 import { field, radios } from "./setup_parts.js";
+import * as session from "./session.js";
 
 /** One drive that can be added. */
 class FoundDrive {
-  constructor({ station, confidence, models, other }, read) {
+  constructor({ station, confidence, models, other }) {
     this.station = station;
     this.models = models;
     this.is_added = true;
@@ -15,7 +16,7 @@ class FoundDrive {
     this.values = h("div", { role: "status" });
     this.scale_field = field("Frequency that stands for 100 % at the drive, in Hz", this.full_scale);
     const add = h("input", { type: "checkbox", checked: true, change: ({ target }) => this.add(target.checked) });
-    const look = h("button", { type: "button", class: "plain", click: () => this.look(look, read) }, "What does the panel show?");
+    const look = h("button", { type: "button", class: "plain", click: () => this.look(look) }, "What does the panel show?");
     const option = (model) => ({ value: model.id, label: `${model.vendor} ${model.title}`, about: about(model) });
     const choose = (id) => this.choose(models.find((model) => model.id === id));
     const legend = models.length === 1 ? `Model (${confidence})` : "Model: which is on the nameplate?";
@@ -45,13 +46,13 @@ class FoundDrive {
   }
 
   /** What its candidates make of its registers: the person at the panel sees which one is right. */
-  async look(button, read) {
+  async look(button) {
     button.disabled = true;
     text(this.values, "Reading.");
     const models = this.model ? [this.model] : this.models.slice(0, 4);
-    const answer = await read({ station: this.station, models: models.map(({ id }) => id) });
+    const { answer, error } = await session.set_up("POST", "/values", { station: this.station, models: models.map(({ id }) => id) });
     button.disabled = false;
-    if (!answer) return text(this.values, "");
+    if (error !== null) return text(this.values, error);
     const name = (id) => models.find((model) => model.id === id)?.title ?? id;
     const row = ({ label, text: value, why }) => h("div", { class: "value" }, h("dt", {}, label), h("dd", {}, value?.replace("degC", "°C") ?? why));
     const part = ({ id, values }) => h("div", {}, h("h4", {}, name(id)), h("dl", {}, ...values.map(row)));
@@ -78,10 +79,10 @@ function about({ id, why, is_unproven, can_be_commanded }) {
 
 /** All of them. */
 export class Found {
-  constructor(scan, read) {
+  constructor(scan) {
     const is_known = ({ is_here, models }) => is_here === true && models.length > 0;
     const known = scan.drives.filter(is_known).sort((one, other) => one.station - other.station);
-    this.all = known.map((drive) => new FoundDrive(drive, read));
+    this.all = known.map((drive) => new FoundDrive(drive));
     const others = scan.drives.filter((drive) => !is_known(drive)).map((drive) => other_text(drive, scan.link));
     const damaged = scan.damaged.map(({ station, at }) => `Something answers as station ${station} at ${at}, but damaged: another parity or speed, two devices with one number, or a bad cable.`);
     const notes = [...others, ...damaged];

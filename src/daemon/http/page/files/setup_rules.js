@@ -11,9 +11,11 @@ export class Rules {
   constructor() {
     this.is_controlled = null;
     this.from = new Set();
+    // Stations, because a drive may be renamed between two steps.
     this.refused = new Set();
     this.chosen = { directions: null, on_commander_lost: null, on_shutdown: null };
     this.accepts = new Set();
+    this.accepts_for = "";
     this.least = number("0");
     this.most = number("50");
     this.lost_after = number("10");
@@ -29,12 +31,16 @@ export class Rules {
     const choose = (key) => (value) => (this.chosen[key] = value);
     const of = (key, legend, options) => radios(legend, `rule-${key}`, options, choose(key), this.chosen[key]);
     const unproven = this.drives.filter(({ is_unproven }) => is_unproven);
-    const commanded = new Set(this.drives.map(({ name }) => name).filter((name) => !this.refused.has(name)));
-    const drive_boxes = boxes("Drives that may be commanded", this.drives.map(({ name, is_unproven }) => ({
-      value: name, label: name, about: is_unproven ? "no manual proves its stop" : null,
+    // What was accepted was accepted for these and for no others.
+    const accepts_for = unproven.map(({ station, model }) => `${station} ${model}`).join();
+    if (accepts_for !== this.accepts_for) this.accepts.clear();
+    this.accepts_for = accepts_for;
+    const commanded = new Set(this.drives.map(({ station }) => station).filter((station) => !this.refused.has(station)));
+    const drive_boxes = boxes("Drives that may be commanded", this.drives.map(({ name, station, is_unproven }) => ({
+      value: station, label: name, about: is_unproven ? "no manual proves its stop" : null,
     })), commanded);
     drive_boxes.addEventListener("change", () => {
-      this.refused = new Set(this.drives.map(({ name }) => name).filter((name) => !commanded.has(name)));
+      this.refused = new Set(this.drives.map(({ station }) => station).filter((station) => !commanded.has(station)));
     });
     const rules = h(
       "div",
@@ -53,7 +59,7 @@ export class Rules {
       !is_forced && drive_boxes,
     );
     const kinds = [
-      { value: "watch", label: "Only watch", about: "Nobody may command them." },
+      { value: "watch", label: "Only watch", about: "No client may command them." },
       { value: "command", label: "They may be commanded", about: "One at a time, within limits." },
     ];
     const decide = (value) => {
@@ -79,11 +85,11 @@ export class Rules {
     return this.chosen.on_shutdown === null ? "Choose what happens when the gateway is shut down." : null;
   }
 
-  /** The rules of the drive called `name`; null if it is only watched. */
-  control(name, is_unproven) {
-    const is_listed = this.is_forced || this.drives.some((drive) => drive.name === name);
+  /** The rules of the drive at `station`; null if it is only watched. */
+  control({ station, is_unproven }) {
+    const is_listed = this.drives.some((drive) => drive.station === station);
     const accept_unverified = is_unproven && this.accepts.has("yes");
-    const is_left_out = !this.is_forced && (this.refused.has(name) || (is_unproven && !accept_unverified));
+    const is_left_out = !this.is_forced && (this.refused.has(station) || (is_unproven && !accept_unverified));
     if (!this.is_controlled || !is_listed || is_left_out) return null;
     return {
       from: [...this.from],

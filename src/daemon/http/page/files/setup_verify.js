@@ -3,20 +3,27 @@
 import { h, text, words } from "./dom.js";
 import { Hold } from "./hold.js";
 import { wide } from "./setup_parts.js";
+import * as session from "./session.js";
 
 /** The part for the drive called `name`. */
-export function verify(name, ask) {
+export function verify(name) {
   const path = `/drives/${encodeURIComponent(name)}`;
   const seen = h("div", { class: "scroll", role: "status" });
   const look = async () => {
-    const document = await ask("GET", path);
-    if (document) seen.replaceChildren(...shown(document, (addresses) => set(addresses)));
+    text(seen, "Reading.");
+    const { answer, error } = await session.set_up("GET", path);
+    if (error !== null) text(seen, error);
+    else seen.replaceChildren(...shown(answer, (addresses) => set(addresses)));
   };
+  // What became of a write stays above what the drive has after it.
   const set = async (addresses) => {
     text(seen, "Setting.");
-    const { outcome, message } = (await ask("POST", path, { addresses })) ?? {};
+    const { answer, error, is_unknown } = await session.set_up("POST", path, { addresses });
+    const is_good = answer?.outcome === "confirmed";
+    const unknown = is_unknown ? " Whether the drive was set is unknown: below is what it has now." : "";
+    const told = error === null ? `${words(answer.outcome)}: ${answer.message}` : `${error}${unknown}`;
     await look();
-    if (outcome) seen.prepend(h("p", { class: outcome === "confirmed" ? "message" : "wrong" }, `${words(outcome)}: ${message}`));
+    seen.prepend(h("p", { class: is_good ? "message" : "wrong", role: "alert" }, told));
   };
   return h("section", { class: "part", "aria-label": name }, h("b", {}, name), wide("Verify", look), seen);
 }
