@@ -167,9 +167,9 @@ fn output_hz(browser: &Browser) -> f64 {
     browser.text(&in_card(".output .number")).parse().unwrap_or(0.0)
 }
 
+/// What sticks out can only be seen by scrolling sideways. A chart follows a new width of its panel in the next frame.
 fn assert_nothing_sticks_out(browser: &Browser) {
-    let widths = browser.script("const page = document.documentElement; return [page.scrollWidth, page.clientWidth]");
-    assert_eq!(widths[0], widths[1], "what sticks out can only be seen by scrolling sideways");
+    browser.wait("document.documentElement.scrollWidth === document.documentElement.clientWidth");
 }
 
 #[test]
