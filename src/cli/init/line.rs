@@ -233,7 +233,8 @@ fn full_scale<R: BufRead>(questions: &mut Questions<R>, args: &Args, drives: &mu
     Ok(())
 }
 
-/// Gives `control` to the drives. Asks whether to take orders for models whose stop is not proven: without an answer of yes they are only read.
+/// Gives `control` to the drives. Asks whether to take orders for models whose stop is not proven: without an answer of
+/// yes they are only read.
 pub fn controlled<R: BufRead>(
     questions: &mut Questions<R>,
     args: &Args,

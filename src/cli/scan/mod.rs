@@ -142,7 +142,7 @@ fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
         let mut findings = Findings::default();
         let mut asker = PortAsker::new(port);
         let told = told_to_end().map_err(Failure::failed)?;
-        let mut shown = Shown { plan, bar: Bar::new(asks(plan)) };
+        let mut shown = Shown { plan, bar: Bar::new(plan.asks()) };
         let ended = tokio::select! {
             done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done.map_err(Failure::from),
             () = told => Ok(()),
@@ -181,11 +181,6 @@ fn write_new(path: &std::path::Path, text: &str) -> Result<(), Failure> {
     written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }
 
-/// The largest number of reads that look for drives.
-fn asks(plan: &Plan) -> usize {
-    plan.settings.iter().map(|setting| setting.probes.len() * plan.stations.len()).sum()
-}
-
 fn announcement(args: &Args, plan: &Plan) -> String {
     let (silent, told) = plan.duration();
     let settings: Vec<_> = plan.settings.iter().map(setting_text).collect();
@@ -214,10 +209,8 @@ impl Shown<'_> {
         let at = |number: usize| self.plan.settings.get(number).map(setting_text).unwrap_or_default();
         match event {
             Event::Setting(number) => {
-                let before: usize =
-                    self.plan.settings.iter().take(*number).map(|it| it.probes.len() * self.plan.stations.len()).sum();
                 let text = at(*number);
-                self.bar.to(before, &text);
+                self.bar.to(self.plan.asks_before(*number), &text);
             }
             Event::Asked => self.bar.step(),
             Event::Answers(station) => self.bar.line(&format!("station {station} answers")),

@@ -98,12 +98,6 @@ impl Running {
         self.lock().clone()
     }
 
-    /// The largest number of reads that look for drives.
-    #[must_use]
-    pub fn asks(&self) -> usize {
-        self.plan.settings.iter().map(|setting| setting.probes.len() * self.plan.stations.len()).sum()
-    }
-
     /// The setting that most of the drives have, once the scan is done.
     #[must_use]
     pub fn setting(&self) -> Option<(usize, &Setting)> {
@@ -146,8 +140,7 @@ impl Running {
         let mut progress = self.lock();
         match event {
             Event::Setting(number) => {
-                let before = self.plan.settings.iter().take(*number);
-                progress.asked = before.map(|it| it.probes.len() * self.plan.stations.len()).sum();
+                progress.asked = self.plan.asks_before(*number);
                 progress.setting = Some(*number);
             }
             Event::Asked => progress.asked += 1,

@@ -110,6 +110,18 @@ impl Plan {
 }
 
 impl Plan {
+    /// The largest number of reads that look for drives.
+    #[must_use]
+    pub fn asks(&self) -> usize {
+        self.asks_before(self.settings.len())
+    }
+
+    /// The same for the settings before the one with this index.
+    #[must_use]
+    pub fn asks_before(&self, setting: usize) -> usize {
+        self.settings.iter().take(setting).map(|it| it.probes.len() * self.stations.len()).sum()
+    }
+
     /// The setting with which most drives of a known model answer; `None` if no drive does.
     #[must_use]
     pub fn most_answer(&self, findings: &Findings) -> Option<usize> {

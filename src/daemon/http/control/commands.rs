@@ -177,7 +177,8 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
     told
 }
 
-fn find(control: &Control, name: &str) -> Option<Arc<SharedDrive>> {
+/// The drive called `name`.
+pub(super) fn find(control: &Control, name: &str) -> Option<Arc<SharedDrive>> {
     control.side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name).cloned()
 }
 

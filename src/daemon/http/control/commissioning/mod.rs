@@ -4,6 +4,7 @@ mod shown;
 
 use super::Control;
 use super::admission::{Admitted, Refused, admit_with, refused, signed_in};
+use super::commands::find;
 use crate::daemon::commissioning::file::NotDone;
 use crate::daemon::commissioning::wanted::{Wanted, wanted};
 use crate::daemon::commissioning::{self, Commissioning, Settings};
@@ -227,7 +228,7 @@ fn kept(control: &Control, who: Who, outcome: Outcome, what: &str) {
 async fn verify(State(control): State<Arc<Control>>, Path(name): Path<String>, headers: HeaderMap) -> Response {
     let answer = async {
         let commissioning = looked_at(&control, &headers)?;
-        let (side, drive) = (commissioning.side(), drive(&commissioning, &name)?);
+        let (side, drive) = (commissioning.side(), drive(&control, &name)?);
         let _place = side.place().ok_or_else(too_many)?;
         Ok(json(&setup::look(side, &drive).await).into_response())
     };
@@ -239,7 +240,7 @@ async fn verify(State(control): State<Arc<Control>>, Path(name): Path<String>, h
 async fn enable(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
     let answer = async {
         let (commissioning, who, body) = admitted(&control, request).await?;
-        let drive = drive(&commissioning, &name)?;
+        let drive = drive(&control, &name)?;
         let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {EXAMPLE} is expected"));
         let registers: Vec<_> = addresses(&body).ok_or_else(expected)?.into_iter().map(Address::holding).collect();
         let place = commissioning.side().place().ok_or_else(too_many)?;
@@ -259,10 +260,8 @@ async fn enable(State(control): State<Arc<Control>>, Path(name): Path<String>, r
     answered(answer.await)
 }
 
-fn drive(commissioning: &Commissioning, name: &str) -> Result<Arc<SharedDrive>, Refused> {
-    let shared = commissioning.side().shared();
-    let drive = shared.drives.iter().find(|drive| drive.description.name.as_str() == name).cloned();
-    drive.ok_or_else(|| refused(StatusCode::NOT_FOUND, "there is no such drive"))
+fn drive(control: &Control, name: &str) -> Result<Arc<SharedDrive>, Refused> {
+    find(control, name).ok_or_else(|| refused(StatusCode::NOT_FOUND, "there is no such drive"))
 }
 
 fn too_many() -> Refused {

@@ -116,7 +116,7 @@ pub(super) fn scan_json(scan: &Running) -> Value {
         "state": progress.state.word(),
         "error": error,
         "asked": progress.asked,
-        "asks": scan.asks(),
+        "asks": scan.plan().asks(),
         "at": progress.setting.and_then(at),
         "longest_s": scan.plan().duration().0.as_secs_f64(),
         "link": here.map(|(_, setting)| setting_text(setting)),

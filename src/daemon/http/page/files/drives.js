@@ -16,7 +16,7 @@ const CONFIDENCE = {
 };
 
 const AGES_MS = 500;
-/** Of so many times that ages are drawn, those out of sight are once. */
+/** Ages out of sight are drawn once in so many times. */
 const OUT_OF_SIGHT = 10;
 
 const cards = new Map();

@@ -131,7 +131,7 @@ export class Panel {
   show_scan(scan) {
     const bar = h("progress", { max: scan.asks, value: 0, "aria-label": "Stations that were asked" });
     const told = h("p", { class: "message", role: "status" });
-    const found = h("ul", { class: "plain-list" });
+    const found = h("ul");
     const draw = (now) => {
       bar.value = now.asked;
       const drives = now.drives.length;

@@ -15,7 +15,7 @@ export function verify(name) {
     if (error !== null) text(seen, error);
     else seen.replaceChildren(...shown(answer, (addresses) => set(addresses)));
   };
-  // What became of a write stays above what the drive has after it.
+  // The outcome of a write stays above what is read after it.
   const set = async (addresses) => {
     text(seen, "Setting.");
     const { answer, error, is_unknown } = await session.set_up("POST", path, { addresses });
