@@ -50,6 +50,7 @@
 //! | `home_assistant` | Home Assistant finds the drives, commands them, and stops them by dying |
 //! | `kept_trends` | trends survive a kill, and the page draws them |
 //! | `many_drives` | the page with many drives: no stop moves, problems come first, drives are found, no barrier |
+//! | `languages` | the page in another language: all of it, numbers as they were typed, and no stop moves |
 //! | `looking` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -163,6 +164,8 @@ mod initialising;
 mod journal;
 #[path = "process/kept_trends.rs"]
 mod kept_trends;
+#[path = "process/languages.rs"]
+mod languages;
 #[path = "process/liars.rs"]
 mod liars;
 #[path = "process/live.rs"]

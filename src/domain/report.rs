@@ -38,6 +38,24 @@ pub enum LineFault {
     Jammed,
 }
 
+impl LineFault {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Gone, Self::Failed, Self::Stuck, Self::Mute, Self::Echo, Self::Jammed];
+
+    /// The machine-readable name.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Gone => "gone",
+            Self::Failed => "failed",
+            Self::Stuck => "stuck",
+            Self::Mute => "mute",
+            Self::Echo => "echo",
+            Self::Jammed => "jammed",
+        }
+    }
+}
+
 /// One line as the north interfaces show it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LineReport {

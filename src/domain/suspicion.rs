@@ -50,6 +50,17 @@ pub enum Suspicion {
 }
 
 impl Suspicion {
+    /// The station that it concerns, if it is one.
+    #[must_use]
+    pub const fn station(self) -> Option<Station> {
+        match self {
+            Self::OneSilent(station) | Self::DuplicateStation(station) | Self::LateBeyondLimit(station) => {
+                Some(station)
+            }
+            _ => None,
+        }
+    }
+
     /// The machine-readable name.
     #[must_use]
     pub const fn word(self) -> &'static str {

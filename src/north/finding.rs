@@ -3,7 +3,10 @@
 //! Each sign is defined in one place: its word for programs, how bad it is, and what it means. The code that detects it
 //! is next to its data: `report/` for what happened on a line in a span of time, `page/advice/` for the present state.
 
-use crate::domain::ids::Name;
+use crate::domain::ids::{Name, Station};
+use crate::domain::report::{LineReport, LineState};
+use crate::domain::suspicion::Suspicion;
+use crate::north::texts::Sentence;
 use serde_json::{Value, json};
 
 /// How bad it is.
@@ -112,7 +115,7 @@ signs! {
 }
 
 /// One thing that was found.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
@@ -123,11 +126,11 @@ pub struct Finding {
     /// The drive it concerns, if any.
     pub drive: Option<Name>,
     /// What it is and what to do, for people.
-    pub text: String,
+    pub text: Sentence,
 }
 
 impl Finding {
-    /// The document.
+    /// The document: `text` is in English, `said` is the same for a client that shows another language.
     #[must_use]
     pub fn document(&self) -> Value {
         json!({
@@ -135,7 +138,8 @@ impl Finding {
             "sign": self.sign.word(),
             "line": self.line.as_ref().map(Name::as_str),
             "drive": self.drive.as_ref().map(Name::as_str),
-            "text": self.text,
+            "text": self.text.to_string(),
+            "said": self.text.document(),
         })
     }
 }
@@ -148,29 +152,48 @@ pub fn ranked(findings: impl IntoIterator<Item = Finding>) -> Vec<Finding> {
     all
 }
 
-/// What to do about a drive that does not answer.
-pub(super) const OFFLINE_REMEDY: &str = "check its power, its wiring, its station number, speed and parity";
+/// That a drive does not answer, and what to check.
+pub(super) fn offline(station: Option<Station>) -> Sentence {
+    match station {
+        Some(station) => Sentence::new("finding.offline_at").with("station", u64::from(station.0)),
+        None => Sentence::new("finding.offline"),
+    }
+}
 
 /// What a drive warns of.
-pub(super) fn warns_text(warning: &str) -> String {
-    format!("the drive warns: {warning}; it goes on, and may trip if the cause stays")
+pub(super) fn warns(warning: String) -> Sentence {
+    Sentence::new("finding.warns").with("warning", warning)
 }
 
 /// That so many exchanges of a line fail that RUN is refused.
-pub(super) fn suspended_text(bad_per_cent: u8) -> String {
-    format!(
-        "{bad_per_cent} % of the last exchanges failed: run orders and higher setpoints are refused until it is less than \
-         3 %; check wiring, termination and shield, and what disturbs the line"
-    )
+pub(super) fn suspended(bad_per_cent: u8) -> Sentence {
+    Sentence::new("finding.suspended").with("bad", u64::from(bad_per_cent))
 }
 
 /// That polls need more than the line's time.
-pub(super) fn over_full_text(planned_use_per_mille: u32) -> String {
-    let per_cent = planned_use_per_mille / 10;
-    format!(
-        "the polls would need {per_cent} % of the line's time, so that values are older than `poll` says: raise `poll`, poll \
-         fewer registers, use a higher speed, or split the line"
-    )
+pub(super) fn over_full(planned_use_per_mille: u32) -> Sentence {
+    Sentence::new("finding.over_full").with("use", u64::from(planned_use_per_mille / 10))
+}
+
+/// What is suspected of a line.
+pub(super) fn suspicion(suspicion: Suspicion) -> Sentence {
+    let said = Sentence::new(format!("suspicion.{}", suspicion.word()));
+    match suspicion.station() {
+        Some(station) => said.with("station", u64::from(station.0)),
+        None => said,
+    }
+}
+
+/// Why a line cannot be used; `None` if it can.
+pub(super) fn down_reason(report: &LineReport) -> Option<Sentence> {
+    let reason = match (report.state, &report.open_error, report.fault) {
+        (LineState::Up, ..) => return None,
+        // The text of the operating system.
+        (LineState::Down, Some(error), _) => Sentence::new("fault.open").with("error", &**error),
+        (LineState::Down, None, Some(fault)) => Sentence::new(format!("fault.{}", fault.word())),
+        (LineState::Down, None, None) => Sentence::new("fault.not_opened"),
+    };
+    Some(reason)
 }
 
 #[cfg(test)]
@@ -194,7 +217,7 @@ mod tests {
     #[test]
     fn a_trip_is_the_first_of_all_problems() {
         let finding =
-            |sign: Sign| Finding { severity: sign.severity(), sign, line: None, drive: None, text: String::new() };
+            |sign: Sign| Finding { severity: sign.severity(), sign, line: None, drive: None, text: Sentence::new("") };
         let all = ranked([Sign::OverFull, Sign::Offline, Sign::Tripped, Sign::LineDown].map(finding));
         let signs: Vec<_> = all.iter().map(|it| it.sign).collect();
         assert_eq!(signs, [Sign::Tripped, Sign::Offline, Sign::LineDown, Sign::OverFull]);

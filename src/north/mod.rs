@@ -15,4 +15,5 @@ pub mod shown;
 pub mod sparkplug;
 #[cfg(test)]
 mod stage;
+pub mod texts;
 pub mod traffic;

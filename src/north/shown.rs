@@ -1,13 +1,14 @@
 //! Terms for drives and lines shared by all interfaces: how reliable a value is, what a drive does, what it may be
 //! commanded.
 
-use crate::domain::command::{Direction, Report, RunIntent};
+use crate::domain::command::{Direction, Outcome, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::{Presence, ValueReading};
 use crate::drive::view::{DriveView, RunState};
 use crate::drive::warnings;
+use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register};
 use std::time::Duration;
 
@@ -41,6 +42,33 @@ pub fn message(model: &Model, report: &Report) -> String {
     match report.exception.and_then(|code| model.exception_text(code)) {
         Some(text) => format!("{said}: {}", text.marked()),
         None => said,
+    }
+}
+
+/// The same as [`message`], for clients that show another language.
+#[must_use]
+pub fn said(model: &Model, report: &Report) -> Sentence {
+    let said = said_alone(report);
+    match report.exception.and_then(|code| model.exception_text(code)) {
+        Some(text) => Sentence::new("reason.by_exception").with("reason", said).with("text", text.marked()),
+        None => said,
+    }
+}
+
+fn said_alone(report: &Report) -> Sentence {
+    if let Some(holder) = report.holder {
+        return Sentence::new("reason.held_by").with("holder", holder.to_string());
+    }
+    if (report.outcome, report.reason) == (Outcome::Unknown, Reason::LineDown) {
+        return Sentence::new("reason.stop_waits_for_line");
+    }
+    let reason = Sentence::new(format!("reason.{}", report.reason.word()));
+    match (report.register, report.held) {
+        (Some(register), Some(held)) => {
+            let holds = Sentence::new("reason.register_holds").with("reason", reason);
+            holds.with("register", register.to_string()).with("held", held.to_string())
+        }
+        _ => reason,
     }
 }
 

@@ -18,14 +18,19 @@ const DRIVES: usize = 8;
 const ROW_MAX: f64 = 72.0;
 
 /// A page of one real drive, with many more that are drawn by the page's own code.
-fn crowded(shop: &Shop) -> Browser {
+fn crowd(shop: &Shop) -> Browser {
     let browser = shop.browser();
     sign_in(&browser, PASSWORD);
     browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
-    browser.wait_for_text(&in_card(".state"), "STOPPED");
+    crowded(&browser);
+    browser
+}
+
+/// Fills the page of a signed-in user.
+pub fn crowded(browser: &Browser) {
+    browser.wait("document.querySelector('#drive-pump-1').dataset.state === 'stopped'");
     let script = include_str!("crowd.js");
     browser.script(&format!("return (async () => {{ {script}\n crowd({DRIVES}); return true; }})()"));
-    browser
 }
 
 fn resize(browser: &Browser, window: Window) {
@@ -45,19 +50,23 @@ fn assert_no_stop_moves(browser: &Browser, layout: &str, stops_wanted: usize) {
 #[test]
 fn no_stop_moves_whatever_the_drives_and_the_advice_do() {
     let shop = Shop::open(true);
-    let browser = crowded(&shop);
+    assert_no_stop_moves_in_any_layout(&crowd(&shop));
+}
+
+/// For a desktop, in the language of the page.
+pub fn assert_no_stop_moves_in_any_layout(browser: &Browser) {
     // One for each drive, and the one for all.
     let all = DRIVES + 2;
-    assert_no_stop_moves(&browser, "cards on a desktop", all);
+    assert_no_stop_moves(browser, "cards on a desktop", all);
     browser.click("#layout button");
     browser.wait("document.querySelector('#drives.rows') !== null");
-    assert_no_stop_moves(&browser, "rows on a desktop", all);
+    assert_no_stop_moves(browser, "rows on a desktop", all);
     for window in [Window::PHONE, Window::NARROW] {
-        resize(&browser, window);
-        assert_no_stop_moves(&browser, "rows on a phone", all);
+        resize(browser, window);
+        assert_no_stop_moves(browser, "rows on a phone", all);
         browser.click("#drive-d-1 a.open");
         browser.wait("document.querySelector('#drive-d-1.whole') !== null");
-        assert_no_stop_moves(&browser, "an open drive on a phone", all);
+        assert_no_stop_moves(browser, "an open drive on a phone", all);
         browser.key("\u{E00C}", 0);
         browser.wait("document.querySelector('.whole') === null");
     }
@@ -67,7 +76,7 @@ fn no_stop_moves_whatever_the_drives_and_the_advice_do() {
 #[test]
 fn on_a_phone_each_drive_is_a_row_that_opens_with_its_stop_at_the_thumb() {
     let shop = Shop::open(true);
-    let browser = crowded(&shop);
+    let browser = crowd(&shop);
     resize(&browser, Window::PHONE);
     let rows = browser.script(
         "return [...document.querySelectorAll('.drive')].map((row) => ({ height: row.getBoundingClientRect().height, \
@@ -96,7 +105,7 @@ fn on_a_phone_each_drive_is_a_row_that_opens_with_its_stop_at_the_thumb() {
 #[test]
 fn drives_are_found_by_state_line_group_and_name() {
     let shop = Shop::open(true);
-    let browser = crowded(&shop);
+    let browser = crowd(&shop);
     let seen = || -> Vec<String> {
         let names = browser.script(
             "return [...document.querySelectorAll('.drive')].filter((it) => it.checkVisibility()).map((it) => it.id.slice(6))",
@@ -139,7 +148,7 @@ fn drives_are_found_by_state_line_group_and_name() {
 #[test]
 fn problems_come_first_in_one_row_for_equal_ones_and_in_the_title() {
     let mut shop = Shop::open(true);
-    let browser = crowded(&shop);
+    let browser = crowd(&shop);
     browser.wait("document.title === 'shop · VFD gateway'");
     browser.script(
         "window.crowd.problems.advise(['d-1', 'd-2', 'd-3', 'd-4', 'd-5'].map((drive) => ({ severity: 'hint', sign: 'watchdog', \
@@ -173,7 +182,7 @@ pub fn barriers(browser: &Browser) -> Value {
 #[test]
 fn axe_finds_no_barrier_in_any_state_layout_and_scheme_of_colours() {
     let shop = Shop::open(true);
-    let browser = crowded(&shop);
+    let browser = crowd(&shop);
     load_axe(&browser);
     browser.script(
         "const states = ['running', 'stopping', 'inhibited', 'pending', 'not effective', 'tripped', 'warned', 'offline']; \

@@ -7,6 +7,7 @@ mod of_line;
 
 use crate::domain::ids::Name;
 use crate::north::finding::{Finding, Severity, Sign};
+use crate::north::texts::Sentence;
 
 /// Advice on one subject.
 #[derive(Debug, Default)]
@@ -17,13 +18,13 @@ struct Advice {
 }
 
 impl Advice {
-    fn say(&mut self, sign: Sign, text: impl Into<String>) {
+    fn say(&mut self, sign: Sign, text: Sentence) {
         self.say_graded(sign.severity(), sign, text);
     }
 
-    fn say_graded(&mut self, severity: Severity, sign: Sign, text: impl Into<String>) {
+    fn say_graded(&mut self, severity: Severity, sign: Sign, text: Sentence) {
         let line = self.line.clone();
         let drive = self.drive.clone();
-        self.all.push(Finding { severity, sign, line, drive, text: text.into() });
+        self.all.push(Finding { severity, sign, line, drive, text });
     }
 }

@@ -4,7 +4,9 @@ use super::line_use::Rates;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, LineState};
+use crate::north::finding;
 use crate::north::shown::millis;
+use crate::north::texts::Sentence;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use serde_json::{Value, json};
 
@@ -32,6 +34,7 @@ impl Line<'_> {
     #[must_use]
     pub fn document(&self) -> Value {
         let LineReport { state, stop, measured, quality, suspicion, .. } = self.report;
+        let said = |sentence: Option<Sentence>| sentence.map(|it| it.document());
         json!({
             "name": self.name.as_str(),
             "port": self.wiring.port,
@@ -40,6 +43,7 @@ impl Line<'_> {
             "interface": word_for(&INTERFACES, &self.interface),
             "state": if *state == LineState::Up { "up" } else { "down" },
             "reason": self.report.down_reason(),
+            "reason_said": said(finding::down_reason(self.report)),
             "hangs": self.hangs,
             "use_per_cent": self.rates.map(|rates| tenths(rates.use_per_cent)),
             "planned_use_per_cent": f64::from(self.report.planned_use_per_mille) / 10.0,
@@ -53,6 +57,7 @@ impl Line<'_> {
                 "longest_seen": millis(measured.longest_stop),
             },
             "suspicion": suspicion.map(|suspicion| suspicion.to_string()),
+            "suspicion_said": said(suspicion.map(finding::suspicion)),
             "drives": self.drives.iter().map(|name| name.as_str()).collect::<Vec<_>>(),
         })
     }

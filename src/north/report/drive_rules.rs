@@ -6,7 +6,9 @@ use crate::domain::counts::DamageCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::suspicion::Suspicion;
 use crate::drive::snapshot::Presence;
-use crate::north::finding::{OFFLINE_REMEDY, Severity, warns_text};
+use crate::north::finding::{self, Severity};
+use crate::north::texts::Sentence;
+use std::time::Duration;
 
 /// Long replies are damaged because of their length if this many times more of them are.
 const LONG_TIMES: u64 = 3;
@@ -23,26 +25,20 @@ pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
     };
     let is_silent = drive.now.presence == Presence::Offline && silent(seen, drive).is_none();
     let is_offline = seen.is_up() && is_silent && !is_told;
-    let text = || format!("it does not answer at station {}: {OFFLINE_REMEDY}", station.0);
-    is_offline.then(|| (Severity::Problem, text()))
+    is_offline.then(|| (Severity::Problem, finding::offline(Some(station))))
 }
 
 pub(super) fn warns(_: &Observed, drive: &DriveObserved) -> FindingText {
-    let warning = drive.now.warning.as_ref()?;
-    Some((Severity::Hint, warns_text(warning)))
+    let warning = drive.now.warning.clone()?;
+    Some((Severity::Hint, finding::warns(warning)))
 }
 
 pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let doubled = drive.damage.doubled;
     let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
-    let text = || {
-        format!(
-            "{doubled} answers are explained by no request: two drives probably have station {}; disconnect one \
-             and look whether it still answers",
-            station.0
-        )
-    };
+    let text =
+        || Sentence::new("finding.duplicate_station").with("answers", doubled).with("station", u64::from(station.0));
     (doubled >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
 }
 
@@ -50,12 +46,7 @@ pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> Findi
     let station = drive.now.station;
     let beyond = drive.damage.beyond_limit;
     let is_told = seen.line.suspicion == Some(Suspicion::LateBeyondLimit(station));
-    let text = || {
-        format!(
-            "{beyond} replies came later than `max_lateness` allows, when they could be taken for others: raise \
-             `max_lateness`, and check what is in between (a serial device server, a radio)"
-        )
-    };
+    let text = || Sentence::new("finding.late_beyond_limit").with("replies", beyond);
     (beyond > 0 && !is_told).then(|| (Severity::Problem, text()))
 }
 
@@ -72,31 +63,19 @@ enum Pattern {
 pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { head, damaged, .. } = drive.damage;
     said(seen, drive, Pattern::FirstCharacters, || {
-        format!(
-            "in {head} of {damaged} damaged replies only the first characters are wrong: the adapter still sends when the \
-             drive begins (use one that turns its direction by itself, or `rs485`), the drive answers too soon (raise its \
-             reply delay), or the line has no bias resistors"
-        )
+        Sentence::new("finding.first_characters").with("replies", head).with("damaged", damaged)
     })
 }
 
 pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { cut, damaged, .. } = drive.damage;
-    said(seen, drive, Pattern::Cut, || {
-        format!(
-            "the end of {cut} of {damaged} damaged replies is missing: an adapter or serial device server that hands \
-             replies on in pieces (lower its latency timer), or a loose contact"
-        )
-    })
+    said(seen, drive, Pattern::Cut, || Sentence::new("finding.cut").with("replies", cut).with("damaged", damaged))
 }
 
 pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { damaged, long_damaged, .. } = drive.damage;
     said(seen, drive, Pattern::LongFrames, || {
-        format!(
-            "{long_damaged} of {damaged} damaged replies are long ones: single bits are lost along the cable; check \
-             termination (120 ohm at both ends), shield and distance to motor cables, or lower the speed"
-        )
+        Sentence::new("finding.long_frames").with("replies", long_damaged).with("damaged", damaged)
     })
 }
 
@@ -104,11 +83,8 @@ pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
     said(seen, drive, Pattern::OneStation, || {
-        format!(
-            "{damaged} of {all} replies are damaged, and those of others are not: check its connector, its stub (as short \
-             as can be) and its ground; or two drives have station {} and answer at once",
-            drive.now.station.0
-        )
+        let alone = Sentence::new("finding.one_station").with("damaged", damaged).with("replies", all);
+        alone.with("station", u64::from(drive.now.station.0))
     })
 }
 
@@ -116,14 +92,11 @@ pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
     said(seen, drive, Pattern::Spread, || {
-        format!(
-            "{damaged} of {all} replies are damaged: check termination (120 ohm at both ends), shield and ground, distance \
-             to motor cables, and parity and stop bits"
-        )
+        Sentence::new("finding.damaged").with("damaged", damaged).with("replies", all)
     })
 }
 
-fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> String) -> FindingText {
+fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> Sentence) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
     // What is suspected of the whole line already says what to do.
     let is_told = seen.line.suspicion.is_some_and(|suspicion| !matches!(suspicion, Suspicion::OneSilent(_)));
@@ -158,12 +131,8 @@ fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
 pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
     let late = drive.damage.late;
     let severity = graded(late, drive.exchanges.total())?;
-    let waited = drive.now.report.replies.iter().map(|reply| reply.timeout.as_millis()).max().unwrap_or_default();
-    let text = format!(
-        "{late} replies arrived after their time-out, after up to {waited} ms: leave `reply_timeout` away or \
-         raise it, lower the drive's reply delay, and check what is in between (a serial device server, a radio)"
-    );
-    Some((severity, text))
+    let waited = drive.now.report.replies.iter().map(|reply| whole_millis(reply.timeout)).max().unwrap_or_default();
+    Some((severity, Sentence::new("finding.late").with("replies", late).with("waited", waited)))
 }
 
 /// Requests that are never answered, where late replies do not explain them.
@@ -173,12 +142,7 @@ pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let severity = graded(silent, all)?;
     let is_told = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
     let is_there = seen.is_up() && drive.exchanges.replies > 0;
-    let text = || {
-        format!(
-            "{silent} of {all} requests had no answer at all, and others had: a loose contact, a request that is damaged on \
-             its way (termination, shield), or a drive that is too busy (raise `min_request_gap`)"
-        )
-    };
+    let text = || Sentence::new("finding.silent").with("unanswered", silent).with("requests", all);
     (is_there && !is_told).then(|| (severity, text()))
 }
 
@@ -187,13 +151,8 @@ pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> FindingText 
     let (class, reply, suggested) = replies
         .filter_map(|(class, reply)| Some((class, reply, reply.suggested?)))
         .find(|(_, reply, suggested)| reply.timeout < *suggested)?;
-    let text = format!(
-        "a reply to a {} is waited for {} ms, and {} ms are suggested from what it takes: leave `reply_timeout` away, or \
-         raise it",
-        class.replace('_', " "),
-        reply.timeout.as_millis(),
-        suggested.as_millis()
-    );
+    let text = Sentence::new("finding.timeout_short").with("request", Sentence::new(format!("request.{class}")));
+    let text = text.with("waited", whole_millis(reply.timeout)).with("suggested", whole_millis(suggested));
     Some((Severity::Hint, text))
 }
 
@@ -201,11 +160,10 @@ pub(super) fn exceptions(_: &Observed, drive: &DriveObserved) -> FindingText {
     let exceptions = drive.exchanges.exceptions;
     let all = drive.exchanges.total();
     let is_much = exceptions >= SIGNS && exceptions * 1000 >= all * EXCEPTIONS_PER_MILLE;
-    let text = || {
-        format!(
-            "{exceptions} of {all} requests were answered with an exception: it is asked for what it does not have; check \
-             `model`, and what clients ask for"
-        )
-    };
+    let text = || Sentence::new("finding.exceptions").with("exceptions", exceptions).with("requests", all);
     is_much.then(|| (Severity::Hint, text()))
+}
+
+fn whole_millis(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
 }

@@ -4,6 +4,7 @@
 use super::{DriveObserved, Observed};
 use crate::domain::ids::Name;
 use crate::north::finding::{Finding, Severity, Sign, ranked};
+use crate::north::texts::Sentence;
 
 /// How many of one kind are needed before it is believed: a single one is chance.
 pub(super) const SIGNS: u64 = 3;
@@ -13,7 +14,7 @@ pub(super) const ENOUGH: u64 = 20;
 const PROBLEM_PER_MILLE: u64 = 10;
 
 /// What one rule says, if it applies.
-pub(super) type FindingText = Option<(Severity, String)>;
+pub(super) type FindingText = Option<(Severity, Sentence)>;
 
 /// One row of the table.
 pub struct Rule {
@@ -67,7 +68,8 @@ pub const RULES: &[Rule] = &[
 pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
     let mut found: Vec<_> = RULES.iter().flat_map(|rule| rule.findings(name, observed)).collect();
     if found.iter().all(|finding| finding.severity == Severity::Good) {
-        let text = format!("nothing is wrong: {} exchanges in {} s", observed.exchanges(), observed.time.as_secs());
+        let text = Sentence::new("finding.fine").with("exchanges", observed.exchanges());
+        let text = text.with("seconds", observed.time.as_secs());
         let line = Some(name.clone());
         found.insert(0, Finding { severity: Severity::Good, sign: Sign::Fine, line, drive: None, text });
     }
@@ -78,7 +80,10 @@ impl Rule {
     fn findings(&self, name: &Name, observed: &Observed) -> Vec<Finding> {
         let finding = |drive: Option<&DriveObserved>, (severity, text)| {
             let drive = drive.map(|drive| drive.now.name.clone());
-            let text = drive.as_ref().map(|name| format!("{name}: {text}")).unwrap_or(text);
+            let text = match &drive {
+                Some(name) => Sentence::new("finding.of_drive").with("drive", name.as_str()).with("finding", text),
+                None => text,
+            };
             Finding { severity, sign: self.sign, line: Some(name.clone()), drive, text }
         };
         match self.of {
@@ -109,7 +114,7 @@ mod tests {
         let found = verdict(&line_name(), &good());
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!((found[0].severity, found[0].sign), (Severity::Good, Sign::Fine));
-        assert_eq!(found[0].text, "nothing is wrong: 2000 exchanges in 30 s");
+        assert_eq!(found[0].text.to_string(), "nothing is wrong: 2000 exchanges in 30 s");
     }
 
     #[test]
@@ -119,7 +124,7 @@ mod tests {
             let finding = found.iter().find(|finding| finding.sign == sign);
             let finding = finding.unwrap_or_else(|| panic!("no {sign:?} among {found:?}"));
             assert_eq!((finding.severity, found[0].severity), (severity, severity), "{found:?}");
-            assert!(finding.text.contains(part), "no {part} in {}", finding.text);
+            assert!(finding.text.to_string().contains(part), "no {part} in {}", finding.text);
             let others = found.iter().filter(|it| it.severity > Severity::Good && it.sign != sign).count();
             assert_eq!(others, 0, "{sign:?}: {found:?}");
         }

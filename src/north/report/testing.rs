@@ -116,7 +116,12 @@ fn drive_cases() -> Vec<Case> {
     let answered =
         |good, silent, late| of_a(|a| (a.exchanges.replies, a.exchanges.silent, a.damage.late) = (good, silent, late));
     vec![
-        (Sign::Offline, Problem, "a: it does not answer at station 1", of_a(|a| a.now.presence = Presence::Offline)),
+        (
+            Sign::Offline,
+            Problem,
+            "a: the drive does not answer as station 1",
+            of_a(|a| a.now.presence = Presence::Offline),
+        ),
         (
             Sign::Offline,
             Problem,

@@ -13,6 +13,7 @@ use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::command_words::{Refused, stop_in};
 use crate::north::operator::body::{PageCommand, is_empty, wish};
+use crate::north::shown;
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -74,6 +75,10 @@ pub(super) async fn command(
             };
             let mut answer = told(drive, report);
             if let Some(message) = message {
+                // What stands beside a stop is more than the reason says.
+                if report.reason != Reason::Stale {
+                    answer["said"] = Value::Null;
+                }
                 answer["message"] = message.into();
             }
             json(&answer).into_response()
@@ -174,6 +179,7 @@ fn not_allowed(drive: &SharedDrive) -> Response {
 fn told(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
+    told["said"] = shown::said(&drive.description.model, &report).document();
     told
 }
 

@@ -3,12 +3,14 @@
 #[cfg(test)]
 mod tests;
 
+use crate::north::texts::{CATALOGUES, Chapter};
 use axum::Router;
 use axum::extract::Path;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use crc::{CRC_64_XZ, Crc};
+use std::borrow::Cow;
 use std::sync::LazyLock;
 
 /// The file that is the page itself.
@@ -34,27 +36,44 @@ macro_rules! files {
 /// All files, by their kind.
 const FILES: [&[File]; 6] = [
     &files!("text/html; charset=utf-8": "index.html", "offline.html"),
-    &files!("text/css; charset=utf-8": "page.css", "uplot.min.css"),
+    &files!("text/css; charset=utf-8": "page.css", "setup.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
-        "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "hold.js",
-        "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js", "session.js",
-        "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js", "stream.js", "tabs.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
+        "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "footer.js", "hold.js",
+        "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js",
+        "session.js", "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js",
+        "stream.js", "tabs.js", "texts.js", "ticker.js", "traffic.js", "trend.js", "uplot.min.js",
     ),
     &files!("image/svg+xml": "icon-problem.svg", "icon.svg"),
     &files!("application/manifest+json": "manifest.webmanifest"),
     &files!("text/plain; charset=utf-8": "uplot.LICENSE.txt"),
 ];
 
-/// A file with the entity tag of its content, by which a browser can tell that it has it already.
-struct Tagged {
-    file: &'static File,
+/// A file as it is served, with the entity tag of its content, by which a browser can tell that it has it already.
+struct Served {
+    name: Cow<'static, str>,
+    media_type: &'static str,
+    bytes: Cow<'static, [u8]>,
     tag: String,
 }
 
-static TAGGED: LazyLock<Vec<Tagged>> = LazyLock::new(|| {
-    let crc = Crc::<u64>::new(&CRC_64_XZ);
-    let tagged = |file: &'static File| Tagged { file, tag: format!("\"{:016x}\"", crc.checksum(file.bytes)) };
-    FILES.iter().copied().flatten().map(tagged).collect()
+impl Served {
+    fn new(name: impl Into<Cow<'static, str>>, media_type: &'static str, bytes: impl Into<Cow<'static, [u8]>>) -> Self {
+        let bytes = bytes.into();
+        let tag = format!("\"{:016x}\"", Crc::<u64>::new(&CRC_64_XZ).checksum(&bytes));
+        Self { name: name.into(), media_type, bytes, tag }
+    }
+}
+
+/// The files, and each chapter of each language, such as `setup.de.json`.
+static SERVED: LazyLock<Vec<Served>> = LazyLock::new(|| {
+    let files = FILES.iter().copied().flatten().map(|file| Served::new(file.name, file.media_type, file.bytes));
+    let chapters = CATALOGUES.into_iter().flat_map(|catalogue| {
+        Chapter::ALL.map(|chapter| {
+            let name = format!("{}.{}.json", chapter.word(), catalogue.language);
+            Served::new(name, "application/json", catalogue.chapter(chapter).into_bytes())
+        })
+    });
+    files.chain(chapters).collect()
 });
 
 /// The page at `/`, and what it needs below `/assets/`. `/open/` leads to it: the app that was installed from the page
@@ -69,15 +88,15 @@ pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
 }
 
 fn answer(name: &str, asked: &HeaderMap) -> Response {
-    let Some(Tagged { file, tag }) = TAGGED.iter().find(|tagged| tagged.file.name == name) else {
+    let Some(Served { media_type, bytes, tag, .. }) = SERVED.iter().find(|served| served.name == name) else {
         return StatusCode::NOT_FOUND.into_response();
     };
     let headers =
-        [(header::CONTENT_TYPE, file.media_type), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
+        [(header::CONTENT_TYPE, *media_type), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
     let known = asked.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok()).unwrap_or_default();
     // A proxy that compresses the file marks the tag as weak.
     if known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag) {
         return (StatusCode::NOT_MODIFIED, headers).into_response();
     }
-    (headers, file.bytes).into_response()
+    (headers, &**bytes).into_response()
 }

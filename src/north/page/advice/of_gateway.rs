@@ -3,6 +3,7 @@
 use super::Advice;
 use crate::north::finding::{Finding, Sign};
 use crate::north::page::gateway::{Gateway, JournalState};
+use crate::north::texts::{Part, Sentence};
 
 impl Gateway {
     /// The advice on it.
@@ -11,46 +12,37 @@ impl Gateway {
         let mut said = Advice::default();
         if let Some(way) = &self.mqtt {
             if way.is_contested {
-                said.say(
-                    Sign::BrokerContested,
-                    "another client uses the gateway's client identifier at the broker, and each disconnects the other: \
-                     give each gateway a `client_id` of its own in [mqtt]",
-                );
+                said.say(Sign::BrokerContested, Sentence::new("finding.broker_contested"));
             } else if !way.is_connected {
-                let reason = way.lost_reason.as_deref().unwrap_or("no connection was tried yet");
+                let unreachable = Sentence::new("finding.broker_unreachable");
                 said.say(
                     Sign::BrokerUnreachable,
-                    format!(
-                        "the broker is not reached ({reason}): check that it runs, and `broker`, user, password and \
-                         certificates in [mqtt]"
-                    ),
+                    unreachable.with("reason", reason_or(way.lost_reason.as_deref(), "unknown_reason.broker")),
                 );
             }
         }
         self.journal.iter().for_each(|journal| of_journal(&mut said, journal));
         if let Some(reason) = &self.unreachable {
-            said.say(Sign::SocketMissing, format!("the program's own commands (health, read, write, reload) do not reach the gateway: {reason}; let it write in \
-                 `data_dir`. To reload, send it SIGHUP"
-            ));
+            said.say(Sign::SocketMissing, Sentence::new("finding.socket_missing").with("reason", reason.to_string()));
         }
         said.all
     }
 }
 
+/// The reason as the operating system or the other side gave it; `key` says that none is known.
+fn reason_or(reason: Option<&str>, key: &'static str) -> Part {
+    reason.map_or_else(|| Sentence::new(key).into(), Part::from)
+}
+
 fn of_journal(said: &mut Advice, journal: &JournalState) {
     if !journal.is_ok {
-        let reason = journal.reason.as_deref().unwrap_or("no reason is known");
-        said.say(Sign::JournalBroken, format!("the journal cannot be written ({reason}): the newest rows are in memory only; make room on the disk of \
-             `data_dir`, and let the gateway write there"
-        ));
+        let reason = reason_or(journal.reason.as_deref(), "unknown_reason.journal");
+        said.say(Sign::JournalBroken, Sentence::new("finding.journal_broken").with("reason", reason));
     }
     if let Some(path) = &journal.moved_aside {
-        said.say(
-            Sign::JournalMovedAside,
-            format!("the journal was damaged and a new one was begun; the old one is kept as {path}"),
-        );
+        said.say(Sign::JournalMovedAside, Sentence::new("finding.journal_moved_aside").with("path", path.to_string()));
     }
     if journal.lost > 0 {
-        said.say(Sign::JournalRowsLost, format!("{} rows of the journal were lost since the start", journal.lost));
+        said.say(Sign::JournalRowsLost, Sentence::new("finding.journal_rows_lost").with("rows", journal.lost));
     }
 }

@@ -1,8 +1,9 @@
 // The page: what the gateway tells goes to its parts.
 
-import { announce, attribute, clock, h, number, show, text, words } from "./dom.js";
+import { announce, attribute, h, show, text } from "./dom.js";
 import * as drives from "./drives.js";
 import * as filter from "./filter.js";
+import * as footer from "./footer.js";
 import { Journal } from "./journal.js";
 import * as layout from "./layout.js";
 import * as lines from "./lines.js";
@@ -13,7 +14,7 @@ import * as session from "./session.js";
 import * as signing from "./signing.js";
 import { Stream } from "./stream.js";
 import { Tabs } from "./tabs.js";
-import { Traffic } from "./traffic.js";
+import { clock, number, t, translate, words } from "./texts.js";
 import { Trend } from "./trend.js";
 
 const at = (id) => document.getElementById(id);
@@ -21,14 +22,20 @@ const at = (id) => document.getElementById(id);
 /** A panel that few use: its files are fetched when it is opened. */
 function lazy(path, element) {
   let panel = null;
+  let known = [];
   return {
+    names: async (names) => {
+      known = names;
+      (await panel)?.names(names);
+    },
     open: async () => {
       try {
         panel ??= import(path).then(({ Panel }) => new Panel(element));
+        (await panel).names?.(known);
         (await panel).open();
       } catch {
         panel = null;
-        text(element, "The gateway did not answer. Choose this again.");
+        text(element, t("panel.not_loaded"));
       }
     },
     close: async () => (await panel)?.close(),
@@ -40,17 +47,19 @@ let names = { drives: [], lines: [] };
 
 const trend = new Trend(at("trend"));
 const journal = new Journal(at("journal"));
-const traffic = new Traffic(at("traffic"));
+const traffic = lazy("./traffic.js", at("traffic"));
 const report = new Report(at("report"));
 const tabs = new Tabs(at("tabs"), [
-  { id: "trend", label: "Trend", element: at("trend"), part: trend },
-  { id: "journal", label: "Trips and audit", element: at("journal"), part: journal },
-  { id: "traffic", label: "Traffic", element: at("traffic"), part: traffic },
-  { id: "report", label: "Line report", element: at("report"), part: report },
-  { id: "setup", label: "Set up", element: at("setup"), part: lazy("./setup.js", at("setup")) },
+  { id: "trend", label: t("tab.trend"), element: at("trend"), part: trend },
+  { id: "journal", label: t("tab.journal"), element: at("journal"), part: journal },
+  { id: "traffic", label: t("tab.traffic"), element: at("traffic"), part: traffic },
+  { id: "report", label: t("tab.report"), element: at("report"), part: report },
+  { id: "setup", label: t("tab.setup"), element: at("setup"), part: lazy("./setup.js", at("setup")) },
 ]);
 tabs.offer("setup", false);
 
+translate(document);
+footer.start(at("language"));
 drives.start(at("drives"));
 filter.start(at("filter"), at("counts"));
 layout.start(at("layout"), at("drives"));
@@ -66,13 +75,13 @@ function take_gateway(gateway) {
   if (version !== null && version !== gateway.version) location.reload();
   version = gateway.version;
   text(at("gateway"), gateway.name);
-  text(at("version"), `version ${gateway.version}`);
+  text(at("version"), t("gateway.version", { version: gateway.version }));
   const { mqtt, journal: kept, ready } = gateway;
   const states = [
-    [ready === false, "Not ready"],
-    [mqtt?.connected === false, "MQTT broker not reached"],
-    [mqtt?.contested, "MQTT identifier is contested"],
-    [kept?.reason, `Journal: ${words(kept?.reason)}`],
+    [ready === false, t("gateway.not_ready")],
+    [mqtt?.connected === false, t("gateway.no_broker")],
+    [mqtt?.contested, t("gateway.contested")],
+    [kept?.reason, t("gateway.journal", { reason: words(kept?.reason) })],
   ];
   at("states").replaceChildren(...states.filter(([is]) => is).map(([, label]) => h("li", {}, label)));
 }
@@ -120,7 +129,7 @@ const on = {
 
   trip({ drive, kind, code, text: sentence }) {
     const name = [code, sentence].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
-    announce(kind === "cleared" ? `${drive}: trip cleared` : `${drive} tripped: ${name}`, kind !== "cleared");
+    announce(kind === "cleared" ? t("trip.cleared", { drive }) : t("trip.announced", { drive, trip: name }), kind !== "cleared");
     journal.news();
   },
 
@@ -129,23 +138,24 @@ const on = {
   },
 
   configuration() {
-    announce("The gateway has a new configuration");
+    announce(t("gateway.reloaded"));
   },
 
   connection(state, heard_at) {
     // Nothing is lost where nothing is shown yet.
-    text(at("waiting"), session.is_closed() ? "Sign in to see the drives." : "Waiting for the gateway.");
+    text(at("waiting"), t(session.is_closed() ? "waiting.sign_in" : "waiting.gateway"));
     const is_lost = state === "lost" && !session.is_closed();
     const was_lost = document.body.dataset.connection === "lost";
     attribute(document.body, "data-connection", state);
     drives.redraw(state === "live");
-    const since = heard_at === null ? "" : ` since ${clock(heard_at)}`;
-    text(at("connection"), state === "live" ? "Live" : is_lost ? `Lost${since}` : "Connecting");
+    const word = state === "live" ? "live" : is_lost ? "lost" : "connecting";
+    const at_least = heard_at === null ? "" : "_since";
+    const since = { since: heard_at === null ? "" : clock(heard_at) };
+    text(at("connection"), word === "lost" ? t(`connection.lost${at_least}`, since) : t(`connection.${word}`));
     show(at("lost"), is_lost);
-    const old = heard_at === null ? "" : " What is shown below is old.";
-    text(at("lost-text"), `No contact with the gateway${since}.${old} Trying again.`);
-    if (is_lost) announce(`No contact with the gateway${since}`, true);
-    if (state === "live" && was_lost) announce("The gateway is back");
+    text(at("lost-text"), t(`contact.lost${at_least}`, since));
+    if (is_lost) announce(t(`contact.announced${at_least}`, since), true);
+    if (state === "live" && was_lost) announce(t("contact.back"));
     if (state === "live") session.refresh();
   },
 };

@@ -1,6 +1,7 @@
 // One chart: curves of one unit over time, with marks.
 
-import { clock, number, unit as written } from "./dom.js";
+import { clock, locale, number, t, unit as written } from "./texts.js";
+
 
 const HEIGHT = 190;
 const HEIGHT_LATER = 140;
@@ -84,7 +85,7 @@ function look({ unit, series, width, is_first }, answers) {
     ],
     bands: bands.map((one, place) => ({ series: [1 + series.length + place * 2 + 1, 1 + series.length + place * 2], fill: `${colour(one)}33` })),
     series: [
-      { label: "Time", value: (_, at) => (at === null ? "–" : `${day(at)} ${clock(at * 1000)}`) },
+      { label: t("heading.time"), value: (_, at) => (at === null ? "–" : `${day(at)} ${clock(at * 1000)}`) },
       ...series.map(curve),
       ...bands.flatMap((one) => [edge(one), edge(one)]),
     ],
@@ -92,7 +93,7 @@ function look({ unit, series, width, is_first }, answers) {
 }
 
 function day(at_s) {
-  return new Date(at_s * 1000).toLocaleDateString(undefined, { month: "short", day: "numeric" });
+  return new Date(at_s * 1000).toLocaleDateString(locale, { month: "short", day: "numeric" });
 }
 
 /** As exact as the steps are, so that no two are alike; the day where it changes. */

@@ -1,16 +1,17 @@
 // What commands a drive from its card.
 
-import { announce, clock, h, number, show, text, words } from "./dom.js";
+import { announce, h, show, text } from "./dom.js";
 import { Hold } from "./hold.js";
 import * as leases from "./leases.js";
 import * as session from "./session.js";
+import { clock, decimal, number, t, words } from "./texts.js";
 
 const TAKEN = new Set(["acknowledged", "confirmed", "unknown"]);
 const ACTIONS = [
-  ["reverse", "Reverse", "run", { run: "reverse" }],
-  ["forward", "Forward", "run", { run: "forward" }],
-  ["reset", "Reset trip", "plain", { reset: true }],
-  ["take", "Take control", "plain", { take: true }],
+  ["reverse", t("action.reverse"), "run", { run: "reverse" }],
+  ["forward", t("action.forward"), "run", { run: "forward" }],
+  ["reset", t("action.reset"), "plain", { reset: true }],
+  ["take", t("action.take"), "plain", { take: true }],
 ];
 
 /** The controls of one drive. */
@@ -20,20 +21,19 @@ export class Controls {
     this.control = null;
     this.may_be_tripped = false;
     this.is_live = false;
-    this.stop = h("button", { type: "button", class: "stop", click: () => this.send("stop", { run: "stop" }) }, "STOP");
-    this.stop.setAttribute("aria-label", `STOP ${drive}`);
-    this.coast = h("button", { type: "button", class: "coast", click: () => this.send("coast", { run: "coast" }) }, "Coast");
-    this.coast.setAttribute("aria-label", `Coast ${drive}`);
+    this.stop = h("button", { type: "button", class: "stop", click: () => this.send("stop", { run: "stop" }) }, t("action.stop"));
+    this.stop.setAttribute("aria-label", t("action.stop_drive", { drive }));
+    this.coast = h("button", { type: "button", class: "coast", click: () => this.send("coast", { run: "coast" }) }, t("action.coast"));
+    this.coast.setAttribute("aria-label", t("action.coast_drive", { drive }));
     this.input = h("input", {
-      type: "number",
-      step: "0.01",
+      type: "text",
       inputmode: "decimal",
       autocomplete: "off",
       id: `setpoint-${drive}`,
       "aria-describedby": `range-${drive}`,
       input: () => this.draw(),
     });
-    this.set = h("button", { type: "submit", class: "plain" }, "Set");
+    this.set = h("button", { type: "submit", class: "plain" }, t("action.set"));
     this.hint = h("span", { id: `range-${drive}` });
     const submit = (event) => {
       event.preventDefault();
@@ -42,7 +42,7 @@ export class Controls {
     this.form = h(
       "form",
       { class: "setpoint", novalidate: true, submit },
-      h("label", { for: this.input.id }, "Setpoint"),
+      h("label", { for: this.input.id }, t("drive.setpoint")),
       h("span", { class: "entry" }, this.input, "Hz"),
       this.set,
       this.hint,
@@ -52,10 +52,10 @@ export class Controls {
     );
     const buttons = [...this.holds.values()].map((hold) => hold.element);
     this.result = h("p", { class: "result" });
-    this.stops = h("div", { class: "stops", role: "group", "aria-label": `Stops of ${drive}` }, this.stop, this.coast);
+    this.stops = h("div", { class: "stops", role: "group", "aria-label": t("drive.stops", { drive }) }, this.stop, this.coast);
     this.element = h(
       "div",
-      { class: "controls", role: "group", "aria-label": `Control of ${drive}` },
+      { class: "controls", role: "group", "aria-label": t("drive.control", { drive }) },
       this.form,
       h("div", { class: "holds" }, ...buttons),
       this.result,
@@ -64,8 +64,8 @@ export class Controls {
 
   /** What was typed and not sent yet, in Hz; null if nothing or nothing useful. */
   draft() {
-    const value = this.input.valueAsNumber;
-    if (!Number.isFinite(value) || !this.control) return null;
+    const value = decimal(this.input.value);
+    if (value === null || !this.control) return null;
     return value >= this.control.min_hz && value <= this.control.max_hz ? value : null;
   }
 
@@ -83,18 +83,15 @@ export class Controls {
     const { can, min_hz, max_hz, lost_after_s, on_commander_lost, site } = this.control;
     const draft = this.draft();
     const is_wrong = this.input.value !== "" && draft === null;
-    this.input.min = String(min_hz);
-    this.input.max = String(max_hz);
     this.input.setAttribute("aria-invalid", String(is_wrong));
     this.set.setAttribute("aria-disabled", String(!this.is_live || draft === null));
-    const range = `${number(min_hz)} to ${number(max_hz)}`;
-    this.input.placeholder = range;
-    text(this.hint, `${is_wrong ? "must be " : ""}${range} Hz`);
+    this.input.placeholder = t("range", { least: min_hz, most: max_hz });
+    text(this.hint, t(is_wrong ? "range.wrong" : "range.hz", { least: min_hz, most: max_hz }));
     this.hint.className = is_wrong ? "range wrong" : "range unseen";
     show(this.form, can.includes("frequency"));
     show(this.coast, can.includes("coast"));
-    const seen = site?.length ? `. Unproven, and seen to work at this drive: ${site.join(", ")}` : "";
-    const title = `If this tab is closed or loses the gateway: ${on_commander_lost} after ${number(lost_after_s)} s${seen}`;
+    const seen = site?.length ? ` ${t("control.seen", { actions: site.map(words).join(", ") })}` : "";
+    const title = `${t("control.lost", { action: words(on_commander_lost), seconds: lost_after_s })}${seen}`;
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
@@ -102,7 +99,7 @@ export class Controls {
       // What would be run at a number that is not allowed is not run at all.
       const is_on = this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
-      hold.rename(kind === "run" && draft !== null ? `${label} at ${number(draft)} Hz` : label);
+      hold.rename(kind === "run" && draft !== null ? t("action.at", { action: label, hertz: draft }) : label);
     }
   }
 
@@ -118,11 +115,12 @@ export class Controls {
     if (draft !== null && (word === "setpoint" || body.run === "forward" || body.run === "reverse")) {
       body.frequency_hz = draft;
     }
-    this.tell("pending", `${words(word)}: sent`);
+    this.tell("pending", t("command.sent", { command: words(word) }));
     const { lost_after_s } = this.control;
-    const { outcome, message, reason } = await session.command(this.drive, body);
+    const answer = await session.command(this.drive, body);
+    const { outcome } = answer;
     const is_good = outcome === "acknowledged" || outcome === "confirmed";
-    this.tell(is_good ? "good" : "bad", `${words(word)} ${outcome}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`, !is_good);
+    this.tell(is_good ? "good" : "bad", `${words(word)} ${session.outcome_text(answer)}`, !is_good);
     if (is_good && body.frequency_hz !== undefined && this.draft() === body.frequency_hz) this.input.value = "";
     const is_stop = word === "stop" || word === "coast";
     if (TAKEN.has(outcome) && !is_stop && word !== "reset") leases.begin(this.drive, lost_after_s);

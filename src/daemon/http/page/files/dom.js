@@ -95,58 +95,6 @@ export function reshape(svg, name) {
   attribute(svg.firstChild, "d", SHAPES[name] ?? SHAPES.unknown);
 }
 
-/** A word of a document as people read it. */
-export function words(word) {
-  return word === null || word === undefined ? "" : String(word).replaceAll("_", " ");
-}
-
-/** A number with as many decimals as `decimals`, or a dash where there is none. */
-export function number(value, decimals = null) {
-  if (typeof value !== "number" || !Number.isFinite(value)) return "–";
-  if (decimals !== null) return value.toFixed(decimals);
-  return Number.isInteger(value) ? String(value) : String(Math.round(value * 1000) / 1000);
-}
-
-const UNITS = { degC: "°C", "m3/h": "m³/h", "-": "" };
-
-/** A unit as people write it. */
-export function unit(symbol) {
-  return UNITS[symbol] ?? symbol ?? "";
-}
-
-/** Milliseconds as a short span of time. */
-export function span(ms) {
-  if (typeof ms !== "number" || !Number.isFinite(ms)) return "–";
-  if (ms < 10_000) return `${(ms / 1000).toFixed(1)} s`;
-  const s = Math.floor(ms / 1000);
-  if (s < 120) return `${s} s`;
-  if (s < 7200) return `${Math.floor(s / 60)} min`;
-  return s < 172_800 ? `${Math.floor(s / 3600)} h` : `${Math.floor(s / 86_400)} days`;
-}
-
-const two = (value) => String(value).padStart(2, "0");
-
-/** The time of day, here. */
-export function clock(at, milliseconds = false) {
-  const date = new Date(at);
-  if (Number.isNaN(date.getTime())) return "–";
-  const time = `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
-  return milliseconds ? `${time}.${String(date.getMilliseconds()).padStart(3, "0")}` : time;
-}
-
-/** Day and time, here. */
-export function moment(at) {
-  const date = new Date(at);
-  if (Number.isNaN(date.getTime())) return "–";
-  return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${clock(at)}`;
-}
-
-/** The time of day, and the day too unless that is today. */
-export function recent(at) {
-  const is_today = new Date(at).toDateString() === new Date().toDateString();
-  return is_today ? clock(at) : moment(at);
-}
-
 const waiting = [];
 const urgent = [];
 

@@ -1,19 +1,14 @@
 // A card for each drive.
 
 import { Controls } from "./control.js";
-import { announce, attribute, h, keyed, number, recent, reshape, shape, show, span, text, unit, words } from "./dom.js";
+import { announce, attribute, h, keyed, reshape, shape, show, text } from "./dom.js";
 import * as leases from "./leases.js";
+import { number, recent, role, span, t, unit, value_label, words } from "./texts.js";
 
 // What an operator looks for comes first; the rest is one click away.
 const FIRST_VALUES = 5;
 /** What an operator looks for before all else. */
 const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage", "dc_link_voltage", "temperature"];
-
-const CONFIDENCE = {
-  sibling: "from a related model, unconfirmed",
-  inferred: "inferred, unconfirmed",
-  "third-party": "from a third party, unconfirmed",
-};
 
 const AGES_MS = 500;
 /** Ages out of sight are drawn once in so many times. */
@@ -116,7 +111,7 @@ class Card {
     this.setpoint = h("span", { class: "number" });
     this.trip = h("p", { class: "trip" });
     this.at_trip = h("p", { class: "trip" });
-    this.marks = h("ul", { class: "marks", "aria-label": "Marks" });
+    this.marks = h("ul", { class: "marks", "aria-label": t("drive.marks") });
     this.values = h("dl", { class: "values" });
     this.others = h("dl", { class: "values" });
     this.summary = h("summary");
@@ -126,7 +121,7 @@ class Card {
     this.controls = new Controls(name);
     const id = `drive-${name}`;
     this.open = h("a", { class: "open" }, name);
-    const close = h("a", { class: "close", href: "#drives-title", "aria-label": `Close ${name}` }, "Close");
+    const close = h("a", { class: "close", href: "#drives-title", "aria-label": t("drive.close", { name }) }, t("close"));
     this.element = h(
       "article",
       { class: "card drive", id, tabindex: "-1", "aria-labelledby": `${id}-name` },
@@ -137,10 +132,10 @@ class Card {
       h(
         "div",
         { class: "figures" },
-        h("p", { class: "output" }, h("span", { class: "label" }, "Output"), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
-        h("p", { class: "set" }, h("span", { class: "label" }, "Set"), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
+        h("p", { class: "output" }, h("span", { class: "label" }, t("drive.output")), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
+        h("p", { class: "set" }, h("span", { class: "label" }, t("drive.set")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
       ),
-      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": `Notes on ${name}` }, this.trip, this.at_trip, this.marks),
+      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": t("drive.notes", { name }) }, this.trip, this.at_trip, this.marks),
       this.controls.element,
       this.values,
       this.details,
@@ -191,7 +186,7 @@ class Card {
     reshape(this.shape, run_state);
     text(this.state, words(run_state));
     attribute(this.about, "title", model);
-    text(this.about, `${title ? `${vendor} ${title}` : model} · ${line} · station ${station ?? "unknown"}`);
+    text(this.about, t("drive.about", { model: title ? `${vendor} ${title}` : model, line, station: station ?? words("unknown") }));
     this.figure(this.output, drive.output_frequency_hz);
     this.figure(this.setpoint, drive.setpoint_hz);
     this.draw_trip(drive);
@@ -216,32 +211,32 @@ class Card {
     const is_told = String(trip.text ?? "").includes(String(trip.code ?? ""));
     const name = [is_told ? null : trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
     const when = trip.last_at ? `, ${recent(trip.last_at)}` : "";
-    const often = trip.count > 0 ? ` (${number(trip.count)} in all)` : "";
+    const often = trip.count > 0 ? ` (${t("trip.in_all", { count: trip.count })})` : "";
     const is_active = trip.active === true;
     this.trip.classList.toggle("active", is_active);
     show(this.trip, is_active || trip.count > 0);
-    text(this.trip, `${is_active ? "TRIP" : "Last trip"} ${in_words(name)}${when}${often}`);
+    text(this.trip, `${t(is_active ? "trip.active" : "trip.last")} ${in_words(name)}${when}${often}`);
     const at_trip = Object.entries(trip.values ?? {}).filter(([, { value, unit: of }]) => of && value !== null);
     show(this.at_trip, at_trip.length > 0 && !this.trip.hidden);
-    text(this.at_trip, `At the trip: ${at_trip.map(([key, { value, unit: of }]) => `${words(key.replace(/^trip_/, ""))} ${number(value)} ${unit(of)}`).join(", ")}`);
+    text(this.at_trip, t("trip.values", { values: at_trip.map(([key, { value, unit: of }]) => `${role(key.replace(/^trip_/, ""))} ${number(value)} ${unit(of)}`).join(", ") }));
   }
 
   draw_marks({ presence, status, control, watchdog, trip, warning }) {
     const marks = [
-      [presence === "offline", "bad", "does not answer"],
-      [control?.not_effective, "bad", "stop not effective"],
-      [control?.failsafe, "bad", `fail-safe ${typeof control?.failsafe === "string" ? words(control.failsafe) : "action"}`],
-      [control?.stop_pending, "bad", "stop pending"],
-      [status?.local === true, "warn", "local control"],
-      [status?.alarm === true, "warn", "alarm"],
-      [warning, "warn", `warning: ${warning}`],
-      [status?.ready === false, "warn", "not ready"],
-      [control?.start_inhibited, "info", "start inhibited"],
-      [control?.command_pending, "info", "command pending"],
+      [presence === "offline", "bad", t("mark.offline")],
+      [control?.not_effective, "bad", t("mark.not_effective")],
+      [control?.failsafe, "bad", t("mark.failsafe")],
+      [control?.stop_pending, "bad", t("mark.stop_pending")],
+      [status?.local === true, "warn", t("mark.local")],
+      [status?.alarm === true, "warn", t("mark.alarm")],
+      [warning, "warn", t("mark.warning", { warning })],
+      [status?.ready === false, "warn", t("mark.not_ready")],
+      [control?.start_inhibited, "info", t("mark.start_inhibited")],
+      [control?.command_pending, "info", t("mark.command_pending")],
       // Some drives only count their trips.
-      [trip?.active === null && presence === "online", "info", trip.count === null ? "trip not read yet" : "trip unknown until it runs"],
-      [watchdog, "info", `watchdog ${words(watchdog)}`],
-      [!control, "info", "read only"],
+      [trip?.active === null && presence === "online", "info", t(trip.count === null ? "mark.trip_not_read" : "mark.trip_unknown")],
+      [watchdog, "info", t("mark.watchdog", { state: words(watchdog) })],
+      [!control, "info", t("mark.read_only")],
     ].filter(([is]) => is);
     const wanted = marks.map(([, kind, label]) => `${kind}:${label}`).join("|");
     if (this.marks.dataset.shown === wanted) return;
@@ -260,7 +255,7 @@ class Card {
     first.forEach((value) => this.rows.get(value.name).take(value));
     others.forEach((value) => this.rest.get(value.name).take(value));
     show(this.details, others.length > 0);
-    text(this.summary, `${others.length} more values`);
+    text(this.summary, t("drive.more_values", { count: others.length }));
   }
 
   /** Ages go on between what the gateway tells. */
@@ -270,7 +265,7 @@ class Card {
     const now = performance.now();
     [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(now));
     const oldest_ms = drive.oldest_ms ?? null;
-    text(this.age, oldest_ms === null ? "no fresh value" : `values up to ${span(oldest_ms + now - this.aged)} old`);
+    text(this.age, oldest_ms === null ? t("drive.no_fresh_value") : t("drive.oldest", { age: span(oldest_ms + now - this.aged) }));
     this.draw_owner(drive.control, now - (drive.control?.taken ?? now));
   }
 
@@ -278,13 +273,13 @@ class Card {
     show(this.owner, Boolean(control));
     if (!control) return;
     const every_ms = leases.every_ms(this.name);
-    const left = control.lease_left_ms === null ? "" : `, lease ${span(Math.max(0, control.lease_left_ms - since))}`;
+    const left = control.lease_left_ms === null ? "" : `, ${t("owner.lease", { left: span(Math.max(0, control.lease_left_ms - since)) })}`;
     const is_run = control.intent === "forward" || control.intent === "reverse";
     const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
-    const order = is_run || control.owner ? ` · ordered ${words(control.intent)}${set}` : "";
-    if (!control.owner) text(this.owner, `No controller${order}`);
-    else if (every_ms === null) text(this.owner, `Commanded by ${control.owner}${left}${order}`);
-    else text(this.owner, `Commanded by this tab, renewed every ${span(every_ms)}${left}${order}`);
+    const order = is_run || control.owner ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
+    if (!control.owner) text(this.owner, `${t("owner.none")}${order}`);
+    else if (every_ms === null) text(this.owner, `${t("owner.client", { owner: control.owner })}${left}${order}`);
+    else text(this.owner, `${t("owner.tab", { every: span(every_ms) })}${left}${order}`);
     attribute(this.owner, "title", this.owner.textContent);
     this.owner.classList.toggle("ours", every_ms !== null && Boolean(control.owner));
   }
@@ -292,18 +287,19 @@ class Card {
 
 /** How sure a text is, in words for people. */
 function in_words(sentence) {
-  return sentence.replace(/\((sibling|inferred|third-party)\)/g, (_, word) => `(${CONFIDENCE[word]})`);
+  return sentence.replace(/\((sibling|inferred|third-party)\)/g, (_, word) => `(${t(`confidence.${word}`)})`);
 }
 
 /** A value with its name, unit and quality. */
 class Row {
-  constructor({ label, name }) {
+  constructor(value) {
+    const label = value_label(value);
     this.decimals = 0;
     this.value = null;
     this.number = h("span", { class: "number" });
     this.unit = h("span", { class: "unit" });
     this.note = h("span", { class: "note" });
-    this.element = h("div", { class: "value" }, h("dt", { title: label || words(name) }, label || words(name)), h("dd", {}, this.number, this.unit, this.note));
+    this.element = h("div", { class: "value" }, h("dt", { title: value.label ?? label }, label), h("dd", {}, this.number, this.unit, this.note));
   }
 
   take(value) {
@@ -317,7 +313,7 @@ class Row {
 
   draw_age(now) {
     const { quality, age_ms, taken } = this.value;
-    text(this.note, quality === "stale" ? `stale ${span(age_ms + now - taken)}` : quality === "never" ? "never read" : "");
+    text(this.note, quality === "stale" ? t("value.stale", { age: span(age_ms + now - taken) }) : quality === "never" ? t("value.never") : "");
   }
 }
 

@@ -1,6 +1,7 @@
 // What is asked for rather than told: documents of the gateway, and choices that follow its drives and lines.
 
 import { h } from "./dom.js";
+import { t } from "./texts.js";
 
 const TIMEOUT_MS = 15_000;
 
@@ -11,9 +12,9 @@ export async function document_at(path, panel) {
     const answer = await response.json().catch(() => null);
     if (response.ok && answer) return { answer };
     if (response.status === 404 && !answer) panel.dispatchEvent(new Event("missing"));
-    return { error: answer?.error ?? `The gateway answered ${response.status}.` };
+    return { error: answer?.error ?? t("gateway.answered", { status: response.status }) };
   } catch {
-    return { error: "The gateway does not answer." };
+    return { error: t("gateway.no_answer") };
   }
 }
 

@@ -1,7 +1,8 @@
 // Which drives are shown: all, those in one state, on one line or in one group, or those whose name or model has a word.
 
-import { attribute, h, number, show, words } from "./dom.js";
+import { attribute, h, show } from "./dom.js";
 import * as drives from "./drives.js";
+import { number, t, words } from "./texts.js";
 
 const COUNTED = ["tripped", "offline", "unknown", "running", "stopped"];
 const MOVING = new Set(["forward", "reverse", "running", "stopping"]);
@@ -21,18 +22,18 @@ let written = "";
 export function start(element, list) {
   counts = list;
   box = element;
-  input = h("input", { type: "search", placeholder: "Name or model", "aria-label": "Show drives with", autocomplete: "off", input: apply });
-  part = h("select", { "aria-label": "Show drives of", change: apply });
+  input = h("input", { type: "search", placeholder: t("filter.name"), "aria-label": t("filter.with"), autocomplete: "off", input: apply });
+  part = h("select", { "aria-label": t("filter.of"), change: apply });
   box.append(part, input);
 }
 
 /** Offers the lines and groups of these drives. */
 export function parts(all) {
   const wanted = part.value;
-  const sorts = [["line", "Lines"], ["group", "Groups"]].map(([key, label]) => [key, label, [...new Set(all.map((drive) => drive[key]).filter(Boolean))].sort()]);
+  const sorts = [["line", t("lines")], ["group", t("groups")]].map(([key, label]) => [key, label, [...new Set(all.map((drive) => drive[key]).filter(Boolean))].sort()]);
   const options = sorts.filter(([key, , names]) => names.length > (key === "line" ? 1 : 0)).map(([key, label, names]) =>
     h("optgroup", { label }, ...names.map((name) => h("option", { value: `${key}:${name}` }, name))));
-  part.replaceChildren(h("option", { value: "" }, "All lines and groups"), ...options);
+  part.replaceChildren(h("option", { value: "" }, t("filter.all")), ...options);
   part.value = wanted;
   if (part.value !== wanted) part.value = "";
   show(part, options.length > 0);

@@ -1,6 +1,7 @@
 // A button that is not hit by accident: it is held, or pressed twice with a pause between.
 
 import { h, text } from "./dom.js";
+import { t } from "./texts.js";
 
 const HOLD_MS = 600;
 const ARMED_MS = 5000;
@@ -19,7 +20,7 @@ export class Hold {
       {
         type: "button",
         class: `hold ${kind}`,
-        title: "Hold for 0.6 s, or press twice",
+        title: t("hold.how", { seconds: HOLD_MS / 1000 }),
         pointerdown: press,
         pointerup: () => this.release(),
         pointerleave: () => this.cancel(),
@@ -70,7 +71,7 @@ export class Hold {
     this.cancel();
     this.armed_at = performance.now();
     this.element.classList.add("armed");
-    text(this.face, `Again: ${this.label}`);
+    text(this.face, t("hold.again", { label: this.label }));
     const armed_at = this.armed_at;
     setTimeout(() => this.armed_at === armed_at && this.disarm(), ARMED_MS);
   }

@@ -1,13 +1,14 @@
 // Trips and audit: what the journal keeps, filtered, and to be taken away as a file.
 
-import { attribute, h, moment, text, words } from "./dom.js";
+import { attribute, h, text } from "./dom.js";
 import { choices, document_at, labelled, query, table } from "./fetched.js";
+import { moment, t, words } from "./texts.js";
 
-const HEADINGS = ["Time", "What", "Drive", "Text"];
+const HEADINGS = ["time", "what", "drive", "text"].map((word) => t(`heading.${word}`));
 const SHOWN = 200;
 const EXPORTED = 10_000;
-const TABLES = [["all", "All"], ["trips", "Trips"], ["audit", "Audit"], ["availability", "Availability"]];
-const TIMES = [["1h", "1 hour"], ["12h", "12 hours"], ["24h", "24 hours"], ["7d", "7 days"], ["", "All that is kept"]];
+const TABLES = ["all", "trips", "audit", "availability"].map((word) => [word, t(`journal.${word}`)]);
+const TIMES = [...["1h", "12h", "24h", "7d"].map((word) => [word, t(`span.${word}`)]), ["", t("journal.whole")]];
 
 /** The panel of the journal. */
 export class Journal {
@@ -16,13 +17,13 @@ export class Journal {
     const change = () => this.load();
     const select = (options) => h("select", { change }, ...options.map(([value, label]) => h("option", { value }, label)));
     this.table = select(TABLES);
-    this.drive = select([["", "All"]]);
+    this.drive = select([["", t("journal.all")]]);
     this.since = select(TIMES);
     this.since.value = "24h";
     this.csv = h("a", { download: "journal.csv" }, "CSV");
     this.json = h("a", { download: "journal.json" }, "JSON");
     this.message = h("p", { class: "message", role: "status" });
-    const { element: shown, body, row } = table("Trips and audit", HEADINGS);
+    const { element: shown, body, row } = table(t("tab.journal"), HEADINGS);
     this.body = body;
     this.row = row;
     this.is_open = false;
@@ -30,11 +31,11 @@ export class Journal {
       h(
         "div",
         { class: "tools" },
-        labelled("Table", this.table),
-        labelled("Drive", this.drive),
-        labelled("Since", this.since),
-        h("button", { type: "button", class: "plain", click: change }, "Refresh"),
-        h("span", { class: "export" }, "Export: ", this.csv, " ", this.json),
+        labelled(t("journal.table"), this.table),
+        labelled(t("heading.drive"), this.drive),
+        labelled(t("journal.since"), this.since),
+        h("button", { type: "button", class: "plain", click: change }, t("journal.refresh")),
+        h("span", { class: "export" }, `${t("export")}: `, this.csv, " ", this.json),
       ),
       this.message,
       h("div", { class: "scroll" }, shown),
@@ -42,7 +43,7 @@ export class Journal {
   }
 
   names(drives) {
-    choices(this.drive, drives, "All");
+    choices(this.drive, drives, t("journal.all"));
   }
 
   open() {
@@ -73,7 +74,7 @@ export class Journal {
     const rows = answer?.rows ?? [];
     const latest_first = [...rows].sort((one, other) => (one.at < other.at ? 1 : one.at > other.at ? -1 : 0));
     this.body.replaceChildren(...latest_first.map((kept) => this.shown(kept)));
-    const count = rows.length === SHOWN ? `The latest ${SHOWN} rows.` : rows.length === 0 ? "No rows." : `${rows.length} rows.`;
+    const count = rows.length === 0 ? t("journal.none") : t(rows.length === SHOWN ? "journal.latest" : "journal.rows", { count: rows.length });
     text(this.message, error ?? count);
   }
 

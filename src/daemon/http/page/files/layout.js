@@ -2,6 +2,7 @@
 
 import { attribute, h, show } from "./dom.js";
 import * as drives from "./drives.js";
+import { t } from "./texts.js";
 
 /** Fewer drives need no choice. */
 const CHOICE_MIN = 5;
@@ -10,11 +11,11 @@ const CARDS_MAX = 12;
 const KEPT = "vfd-gateway-layout";
 const PHONE = matchMedia("(max-width: 40rem)");
 const ORDERS = [
-  ["", "as configured"],
-  ["state", "worst state"],
-  ["name", "name"],
-  ["line", "line and station"],
-  ["output", "output"],
+  ["", t("order.configured")],
+  ["state", t("order.state")],
+  ["name", t("order.name")],
+  ["line", t("order.line")],
+  ["output", t("order.output")],
 ];
 const WORST = ["tripped", "offline", "unknown", "stopping", "forward", "reverse", "running", "stopped"];
 const BY = {
@@ -35,8 +36,8 @@ export function start(element, list) {
   tools = element;
   place = list;
   order = h("select", { change: sort }, ...ORDERS.map(([word, label]) => h("option", { value: word }, label)));
-  rows = h("button", { type: "button", class: "plain", click: choose }, "Rows");
-  tools.append(h("label", { class: "choice" }, h("span", {}, "Order"), order), rows);
+  rows = h("button", { type: "button", class: "plain", click: choose }, t("layout.rows"));
+  tools.append(h("label", { class: "choice" }, h("span", {}, t("layout.order")), order), rows);
   PHONE.addEventListener("change", apply);
   addEventListener("hashchange", () => drives.redraw());
   document.addEventListener("keydown", ({ key }) => key === "Escape" && leave());

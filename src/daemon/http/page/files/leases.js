@@ -2,6 +2,7 @@
 
 import { announce } from "./dom.js";
 import * as session from "./session.js";
+import { t } from "./texts.js";
 
 const STORED = "vfd-gateway.commands";
 const EVERY_MS_MIN = 1000;
@@ -76,8 +77,8 @@ async function renew(drive) {
 function end(drive, owner) {
   const was_shown = held.get(drive)?.is_shown;
   drop(drive);
-  if (was_shown && owner !== null) announce(`${drive} is now commanded by ${owner}`, true);
-  else if (was_shown) announce(`Control of ${drive} has ended`);
+  if (was_shown && owner !== null) announce(t("lease.taken", { drive, owner }), true);
+  else if (was_shown) announce(t("lease.ended", { drive }));
 }
 
 function drop(drive) {

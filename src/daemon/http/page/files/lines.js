@@ -1,6 +1,7 @@
 // A row for each line.
 
-import { attribute, h, keyed, number, reshape, shape, show, span, text } from "./dom.js";
+import { attribute, h, keyed, reshape, shape, show, text } from "./dom.js";
+import { number, sentence_of, span, t, words } from "./texts.js";
 
 const rows = new Map();
 let place = null;
@@ -26,7 +27,7 @@ class Line {
     this.shape = shape("unknown");
     this.state = h("span", { class: "word" });
     this.about = h("p", { class: "about" });
-    this.bar = h("meter", { min: 0, max: 100, high: 85, "aria-label": `Use of ${name}` });
+    this.bar = h("meter", { min: 0, max: 100, high: 85, "aria-label": t("line.use_of", { name }) });
     this.cells = {};
     const cell = (key, label, ...more) => {
       this.cells[key] = h("span", { class: "number" });
@@ -35,31 +36,32 @@ class Line {
     this.suspicion = h("p", { class: "suspicion" });
     this.element = h(
       "article",
-      { class: "card line", id: `line-${name}`, "aria-label": `Line ${name}` },
+      { class: "card line", id: `line-${name}`, "aria-label": t("line.called", { name }) },
       h("header", {}, h("h3", {}, name), h("p", { class: "state" }, this.shape, this.state)),
       this.about,
       h(
         "dl",
         {},
-        cell("use", "Use", this.bar),
-        cell("planned", "Planned"),
-        cell("bad", "Bad"),
-        cell("rate", "Exchanges"),
-        cell("stop", "STOP, all well"),
-        cell("silent", "STOP, one silent"),
-        cell("seen", "longest seen"),
+        cell("use", t("line.use"), this.bar),
+        cell("planned", t("line.planned")),
+        cell("bad", t("line.bad")),
+        cell("rate", t("line.rate")),
+        cell("stop", t("line.stop")),
+        cell("silent", t("line.silent")),
+        cell("seen", t("line.seen")),
       ),
       this.suspicion,
     );
   }
 
   take(line) {
-    const { state, reason, stop_ms = {} } = line;
+    const { state, stop_ms = {} } = line;
+    const reason = sentence_of({ said: line.reason_said, text: line.reason });
     const is_up = state === "up";
     attribute(this.element, "data-state", is_up ? (line.is_suspended ? "suspended" : "up") : "down");
     reshape(this.shape, is_up ? "good" : "problem");
-    text(this.state, is_up ? "up" : `down${reason ? `: ${reason}` : ""}`);
-    text(this.about, `${line.port} · ${line.link} ${String(line.framing ?? "").toUpperCase()} · ${line.drives?.length ?? 0} drives`);
+    text(this.state, is_up ? words("up") : `${words("down")}${reason ? `: ${reason}` : ""}`);
+    text(this.about, `${line.port} · ${line.link} ${String(line.framing ?? "").toUpperCase()} · ${t("drives", { count: line.drives?.length ?? 0 })}`);
     const use = line.use_per_cent;
     this.bar.value = typeof use === "number" ? use : 0;
     text(this.cells.use, `${number(use, 0)} %`);
@@ -69,8 +71,8 @@ class Line {
     text(this.cells.stop, within(stop_ms.all_healthy));
     text(this.cells.silent, within(stop_ms.one_silent));
     text(this.cells.seen, within(stop_ms.longest_seen));
-    const suspended = line.is_suspended ? "Run and rising setpoints are suspended: too many bad exchanges" : "";
-    const suspicion = [suspended, line.suspicion].filter(Boolean).join(" · ");
+    const suspended = line.is_suspended ? t("line.suspended") : "";
+    const suspicion = [suspended, sentence_of({ said: line.suspicion_said, text: line.suspicion })].filter(Boolean).join(" · ");
     show(this.suspicion, suspicion !== "");
     text(this.suspicion, suspicion);
   }
@@ -78,5 +80,5 @@ class Line {
 
 function within(ms) {
   if (typeof ms !== "number") return "–";
-  return ms < 10_000 ? `${Math.round(ms)} ms` : span(ms);
+  return ms < 10_000 ? `${number(Math.round(ms))} ms` : span(ms);
 }

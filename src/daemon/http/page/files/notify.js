@@ -1,6 +1,7 @@
 // Notifications of the browser, for those who want them: each new problem, while the page is not looked at.
 
 import { attribute, h, show } from "./dom.js";
+import { t } from "./texts.js";
 
 const KEPT = "vfd-gateway-notify";
 /** More at once are told in one. */
@@ -11,7 +12,7 @@ let known = null;
 
 /** Puts the switch into `element`. A browser notifies only on a page that came over TLS or from this host. */
 export function start(element) {
-  button = h("button", { type: "button", class: "link", click: choose }, "Notify me");
+  button = h("button", { type: "button", class: "link", click: choose }, t("notify.offer"));
   show(button, "Notification" in window && isSecureContext);
   element.append(button);
   draw();
@@ -29,8 +30,8 @@ async function choose() {
 
 function draw() {
   attribute(button, "aria-pressed", is_on());
-  button.textContent = is_on() ? "Notifications on" : "Notify me";
-  button.title = "Tell each new problem outside the page, while another page or program is in front";
+  button.textContent = t(is_on() ? "notify.on" : "notify.offer");
+  button.title = t("notify.what");
 }
 
 /** These are the problems now, each as one sentence. What was there when the page was opened is not told. */
@@ -38,6 +39,6 @@ export function problems(sentences) {
   const fresh = known === null ? [] : sentences.filter((sentence) => !known.has(sentence));
   known = new Set(sentences);
   if (fresh.length === 0 || !is_on() || document.hasFocus()) return;
-  const told = fresh.length > SINGLE_MAX ? [`${fresh.length} new problems`] : fresh;
+  const told = fresh.length > SINGLE_MAX ? [t("notify.many", { count: fresh.length })] : fresh;
   for (const body of told) new Notification(document.title, { body, icon: "assets/icon-problem.svg", tag: body });
 }

@@ -1,7 +1,7 @@
 // Says to a person who starts the installed app that the gateway is not reached. It keeps one page and answers nothing else.
 
 // A browser keeps the page until this name is another one: a changed page needs a new name.
-const KEPT = "offline-1";
+const KEPT = "offline-2";
 const PAGE = "assets/offline.html";
 
 self.addEventListener("install", (event) => event.waitUntil(caches.open(KEPT).then((kept) => kept.add(PAGE))));

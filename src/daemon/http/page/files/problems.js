@@ -1,7 +1,9 @@
 // What is wrong or could be better: the worst and newest first, the same for many drives in one row.
 
-import { h, number, prose, shape, show, text, words } from "./dom.js";
+import { h, prose, shape, show, text } from "./dom.js";
 import * as notify from "./notify.js";
+import { outcome_text } from "./session.js";
+import { number, sentence_of, t, words } from "./texts.js";
 
 const NAMES_MAX = 4;
 const RANKS = { problem: 0, hint: 1, good: 2 };
@@ -17,7 +19,7 @@ let shown = "";
 /** Puts it into `element`, which keeps its height whatever is in it; `title` counts the problems. */
 export function start(element, title) {
   heading = title;
-  outcome = h("div", { class: "outcome", id: "stop-results", role: "group", "aria-label": "Outcome of the stop for all", hidden: true });
+  outcome = h("div", { class: "outcome", id: "stop-results", role: "group", "aria-label": t("stop_all.outcome"), hidden: true });
   list = h("ul", { class: "advice" });
   element.append(outcome, list);
 }
@@ -26,16 +28,16 @@ export function start(element, title) {
 export function advise(advice) {
   const rows = folded(advice);
   const urgent = advice.filter(({ severity }) => severity === "problem");
-  notify.problems(urgent.map(({ line, drive, text: sentence }) => [drive ?? line, sentence].filter(Boolean).join(" ")));
+  notify.problems(urgent.map((finding) => [finding.drive ?? finding.line, sentence_of(finding)].filter(Boolean).join(" ")));
   const problems = rows.filter(({ severity }) => severity === "problem").length;
   const wanted = JSON.stringify(rows);
   if (wanted === shown) return problems;
   shown = wanted;
   list.replaceChildren(...rows.map(row));
   if (rows.length === 0) {
-    list.append(h("li", { class: "good" }, shape("good"), h("span", {}, "Nothing is wrong, and nothing to advise.")));
+    list.append(h("li", { class: "good" }, shape("good"), h("span", {}, t("advice.none"))));
   }
-  text(heading, problems === 0 ? "Problems and advice" : `Problems and advice (${number(problems)})`);
+  text(heading, problems === 0 ? t("advice.title") : `${t("advice.title")} (${number(problems)})`);
   return problems;
 }
 
@@ -43,7 +45,9 @@ export function advise(advice) {
 function folded(advice) {
   const rows = new Map();
   const now = performance.now();
-  for (const { severity, sign, line, drive, text: sentence } of advice) {
+  for (const finding of advice) {
+    const { severity, sign, line, drive } = finding;
+    const sentence = sentence_of(finding);
     const general = drive ? sentence.replaceAll(` ${drive}\``, ` ${NAME}\``) : sentence;
     const key = [severity, sign, drive ? "" : line, general].join("|");
     const row = rows.get(key) ?? { severity, sentence, of: [], at: 0 };
@@ -66,25 +70,24 @@ function row({ severity, sentence, of }) {
   const kind = severity === "problem" ? "problem" : "advice";
   const first = of.slice(0, NAMES_MAX);
   const names = first.flatMap(({ name, id }, index) => [index > 0 ? ", " : "", h("a", { href: `#${id}` }, name)]);
-  const more = of.length > first.length ? ` and ${number(of.length - first.length)} more` : "";
+  const more = of.length > first.length ? ` ${t("advice.more", { count: of.length - first.length })}` : "";
   const place = of.length > 0 ? h("b", {}, ...names, more) : null;
-  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${kind}: `), place, place ? " " : "", ...prose(sentence)));
+  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${words(kind)}: `), place, place ? " " : "", ...prose(sentence)));
 }
 
 /** Shows that a stop for all was sent. */
 export function stopping() {
-  tell(h("p", {}, h("b", {}, "STOP ALL"), " sent"));
+  tell(h("p", {}, t("stop_all.sent")));
 }
 
 /** Shows how it ended in one row, with the exceptions below; returns the sentence, and the drives that failed. */
 export function stopped(told, took_ms) {
   const failed = told.filter(({ outcome: word }) => word !== "acknowledged" && word !== "confirmed");
-  const time = `${(took_ms / 1000).toFixed(1)} s`;
-  const sentence = `${number(told.length - failed.length)} of ${number(told.length)} drives took the stop in ${time}`;
-  const close = h("button", { type: "button", class: "link", click: () => show(outcome, false) }, "Close");
-  const rows = failed.map(({ drive, outcome: word, message, reason }) =>
-    h("li", { class: "bad" }, h("b", {}, drive), ` ${words(word)}${reason === "none" ? "" : `: ${message ?? words(reason)}`}`));
-  const summary = h("p", { class: failed.length === 0 ? "good" : "bad" }, h("b", {}, "STOP ALL "), sentence, " ", close);
+  const time = t("seconds", { seconds: number(took_ms / 1000, 1) });
+  const sentence = t("stop_all.done", { stopped: told.length - failed.length, all: told.length, time });
+  const close = h("button", { type: "button", class: "link", click: () => show(outcome, false) }, t("close"));
+  const rows = failed.map((answer) => h("li", { class: "bad" }, h("b", {}, answer.drive), ` ${outcome_text(answer)}`));
+  const summary = h("p", { class: failed.length === 0 ? "good" : "bad" }, h("b", {}, `${t("action.stop_all")} `), sentence, " ", close);
   tell(summary, rows.length > 0 ? h("ul", {}, ...rows) : null);
   return { sentence, failed };
 }

@@ -1,12 +1,16 @@
 // What a line says about itself: what is good, what is not, and how fast its drives answer.
 
-import { h, number, prose, shape, show, text, words } from "./dom.js";
+import { h, prose, shape, show, text } from "./dom.js";
 import { choices, document_at, labelled, table } from "./fetched.js";
 import * as session from "./session.js";
+import { number, sentence_of, t, words } from "./texts.js";
 
 const EVERY_MS = 5000;
-const HEADINGS = ["Drive", "Station", "Answers to", "Count", "p50", "p90", "p99", "p99.9", "Longest", "Time-out", "Suggested"];
-const NUMERIC = HEADINGS.filter((heading) => heading !== "Drive" && heading !== "Answers to");
+const NAMED = ["drive", "answers_to"].map((word) => t(`heading.${word}`));
+const COUNTED = ["station", "count"].map((word) => t(`heading.${word}`));
+const TIMES = ["p50", "p90", "p99", "p99.9", ...["longest", "timeout", "suggested"].map((word) => t(`heading.${word}`))];
+const HEADINGS = [NAMED[0], COUNTED[0], NAMED[1], COUNTED[1], ...TIMES];
+const NUMERIC = HEADINGS.filter((heading) => !NAMED.includes(heading));
 const SHAPES = { good: "good", hint: "advice", problem: "problem" };
 
 /** The panel of the line's report. */
@@ -17,15 +21,15 @@ export class Report {
     this.message = h("p", { class: "message", role: "status" });
     this.verdict = h("ul", { class: "advice" });
     this.rates = h("dl", { class: "rates" });
-    const { element: shown, body, row } = table("How fast the drives answer", HEADINGS, NUMERIC);
+    const { element: shown, body, row } = table(t("report.times"), HEADINGS, NUMERIC);
     this.body = body;
     this.row = row;
     this.is_open = false;
-    this.pack = h("button", { type: "button", class: "plain", click: () => this.save() }, "Save diagnostics");
+    this.pack = h("button", { type: "button", class: "plain", click: () => this.save() }, t("report.save"));
     session.changed(() => show(this.pack, session.may_maintain()));
     show(this.pack, session.may_maintain());
     element.append(
-      h("div", { class: "tools" }, labelled("Line", this.line), this.pack),
+      h("div", { class: "tools" }, labelled(t("line"), this.line), this.pack),
       this.message,
       this.verdict,
       this.rates,
@@ -50,10 +54,10 @@ export class Report {
   /** A support archive. Making it takes as long as the traffic is recorded. */
   async save() {
     this.pack.disabled = true;
-    text(this.pack, "Recording 10 s");
+    text(this.pack, t("report.recording"));
     const wrong = await session.diagnostics();
     this.pack.disabled = false;
-    text(this.pack, "Save diagnostics");
+    text(this.pack, t("report.save"));
     if (wrong !== null) text(this.message, wrong);
   }
 
@@ -66,11 +70,13 @@ export class Report {
       text(this.message, error);
       return;
     }
-    const reason = answer.reason ? `: ${answer.reason}` : "";
-    text(this.message, `${answer.state}${reason} · ${answer.link} · observed for ${number(answer.observed_s, 0)} s`);
+    const reason = answer.reason ? `: ${sentence_of({ said: answer.reason_said, text: answer.reason })}` : "";
+    const observed = t("report.observed", { seconds: number(answer.observed_s, 0) });
+    text(this.message, `${words(answer.state)}${reason} · ${answer.link} · ${observed}`);
     this.verdict.replaceChildren(
-      ...answer.verdict.map(({ severity, drive, text: sentence }) => {
-        const about = [h("span", { class: "unseen" }, `${severity}: `), drive ? h("b", {}, `${drive} `) : "", ...prose(sentence)];
+      ...answer.verdict.map((finding) => {
+        const { severity } = finding;
+        const about = [h("span", { class: "unseen" }, `${words(severity)}: `), ...prose(sentence_of(finding))];
         return h("li", { class: severity }, shape(SHAPES[severity]), h("span", {}, ...about));
       }),
     );
@@ -89,7 +95,7 @@ function rate(key, value) {
 /** A row for each kind of answer. */
 function cells({ name, station, replies = [] }) {
   const ms = (value) => (typeof value === "number" ? `${number(Math.round(value * 10) / 10)} ms` : "–");
-  if (replies.length === 0) return [[name, String(station), "no answer yet"]];
+  if (replies.length === 0) return [[name, String(station), t("report.no_answer")]];
   return replies.map((of) => [
     name,
     String(station),

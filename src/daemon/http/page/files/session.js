@@ -1,12 +1,11 @@
 // Who is signed in, and everything that is sent to the gateway.
 
 import { announce } from "./dom.js";
+import { sentence_of, t, words } from "./texts.js";
 
 const TIMEOUT_MS = 20_000;
 const STOP_TIMEOUT_MS = 8000;
 const DIAGNOSTICS_TIMEOUT_MS = 40_000;
-const NO_GATEWAY = "No answer from the gateway. Stop the drive by its own means.";
-const NO_EFFECT = "The stop is not confirmed yet. If the motor turns, stop it by its own means.";
 // The gateway takes a moment for 1.5 s. Where no events bring one, as in a hidden tab, a renewal asks for one first.
 const FRESH_MS = 700;
 
@@ -88,10 +87,10 @@ export async function sign_in(user, password) {
   if (status === 200) {
     see(answer.moment);
     take({ is_known: true, enabled: true, user: answer.user ?? user, ...rights_in(answer) });
-    announce(`Signed in as ${session.user}`);
+    announce(t("sign.done", { user: session.user }));
     return null;
   }
-  return answer?.error ?? (status === 0 ? "The gateway did not answer. Try again." : `The gateway answered ${status}.`);
+  return (status === 401 ? t("sign.wrong") : answer?.error) ?? unanswered(status);
 }
 
 /** Signs out. */
@@ -111,7 +110,7 @@ export async function diagnostics() {
     const response = await fetch("api/v1/diagnostics", { method: "POST", headers, body: "{}", cache: "no-store", signal });
     if (!response.ok) {
       const answer = await response.json().catch(() => null);
-      return answer?.error ?? `The gateway answered ${response.status}.`;
+      return answer?.error ?? unanswered(response.status);
     }
     const link = document.createElement("a");
     link.href = URL.createObjectURL(await response.blob());
@@ -120,8 +119,13 @@ export async function diagnostics() {
     URL.revokeObjectURL(link.href);
     return null;
   } catch {
-    return "The gateway did not answer. Try again.";
+    return unanswered(0);
   }
+}
+
+/** What is said where an answer has no sentence of its own. */
+function unanswered(status) {
+  return status === 0 ? t("gateway.no_answer") : t("gateway.answered", { status });
 }
 
 async function send(method, path, body, timeout_ms, named = null) {
@@ -165,12 +169,18 @@ export async function command(drive, body) {
 
 function judged({ status, answer, is_late }, is_stop) {
   if (status === 0) {
-    const of_stop = is_late ? NO_EFFECT : NO_GATEWAY;
-    return { outcome: "unknown", message: is_stop ? of_stop : "No answer yet. It may still be carried out." };
+    const of_stop = is_late ? "stop.no_effect" : "stop.no_gateway";
+    return { outcome: "unknown", message: t(is_stop ? of_stop : "command.no_answer") };
   }
   if (answer?.outcome) return answer;
-  if (status === 401) return { outcome: "refused", message: "You are signed out. Sign in and try again." };
-  return { outcome: "refused", message: answer?.error ?? answer?.message ?? `The gateway answered ${status}.` };
+  if (status === 401) return { outcome: "refused", message: t("sign.lost") };
+  return { outcome: "refused", message: answer?.error ?? answer?.message ?? unanswered(status) };
+}
+
+/** How a command ended, in words. */
+export function outcome_text({ outcome, reason, message, said }) {
+  const why = reason === "none" ? "" : sentence_of({ said, text: message ?? words(reason) });
+  return `${words(outcome)}${why ? `: ${why}` : ""}`;
 }
 
 /** Stops every drive that may be controlled from here. */
@@ -178,7 +188,7 @@ export async function stop_all() {
   const reply = await send_signed("api/v1/stop", {}, STOP_TIMEOUT_MS);
   if (Array.isArray(reply.answer?.drives)) return reply.answer.drives;
   const { outcome, message } = judged(reply, true);
-  return [{ drive: "All drives", outcome, message }];
+  return [{ drive: t("drives.all"), outcome, message }];
 }
 
 /** Asks something of set-up; returns the answer, or what went wrong. */
@@ -192,12 +202,12 @@ export async function set_up(method, path, body = null) {
   const { status, answer } = await send(method, `api/v1/setup${path}`, body, TIMEOUT_MS, is_order ? moment : null);
   const is_unknown = status === 0 && is_order;
   if (status >= 200 && status < 300) return { answer: answer ?? {}, error: null, is_unknown };
-  if (status === 0) return { answer: null, error: "The gateway did not answer.", is_unknown };
+  if (status === 0) return { answer: null, error: unanswered(0), is_unknown };
   if (status === 401) {
     await refresh();
-    return { answer: null, error: "You are signed out. Sign in and go on: what you typed is still here.", is_unknown };
+    return { answer: null, error: t("sign.lost_in_setup"), is_unknown };
   }
-  return { answer, error: answer?.error ?? `The gateway answered ${status}.`, is_unknown };
+  return { answer, error: answer?.error ?? unanswered(status), is_unknown };
 }
 
 /** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */

@@ -6,6 +6,7 @@ import { Found } from "./setup_found.js";
 import { Rules } from "./setup_rules.js";
 import { verify } from "./setup_verify.js";
 import * as session from "./session.js";
+import { t } from "./texts.js";
 
 const EVERY_MS = 1000;
 const BAUDS = [1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200];
@@ -71,7 +72,7 @@ export class Panel {
   show_port() {
     const { configuration, ports, lines } = this.site;
     const chosen = (value) => () => (this.draft.port = value);
-    const server = h("input", { type: "text", placeholder: "/dev/ttyUSB0 or tcp://10.0.0.7:4001", autocapitalize: "off", autocomplete: "off", "aria-label": "Path, or address of a serial device server" });
+    const server = h("input", { type: "text", placeholder: t("setup.port_example"), autocapitalize: "off", autocomplete: "off", "aria-label": t("setup.port_label") });
     const at_server = h("input", { type: "radio", name: "port", change: chosen(null) });
     server.value = this.draft.server;
     at_server.checked = server.value !== "" && this.draft.port === null;
@@ -85,22 +86,22 @@ export class Panel {
     const scan = () => {
       const port = at_server.checked ? server.value.trim() : this.draft.port;
       this.draft.stations = stations.value;
-      if (!port) return this.fail("Choose a port.");
+      if (!port) return this.fail(t("setup.choose_port"));
       return this.scan({ port, stations: stations.value, ...known.value() });
     };
     const drives = lines.flatMap((line) => line.drives);
     const uncontrolled = drives.filter(({ is_controlled, can_be_commanded }) => !is_controlled && can_be_commanded);
     this.show(
-      "Which port are the drives on?",
+      t("setup.port_title"),
       { resume: () => this.begin() },
       configuration.why_not && h("p", { class: "wrong" }, configuration.why_not),
-      rows.length === 0 && h("p", { class: "message" }, "This host has no serial port. Is the adapter plugged in?"),
-      h("fieldset", { class: "options" }, h("legend", { class: "unseen" }, "Port"), ...rows,
-        h("label", { class: "option" }, at_server, h("span", {}, h("b", {}, "Another port, or a serial device server"), server))),
-      field("Stations to ask", stations, "1-32 is usual; 1-247 are all"),
+      rows.length === 0 && h("p", { class: "message" }, t("setup.no_port")),
+      h("fieldset", { class: "options" }, h("legend", { class: "unseen" }, t("setup.port")), ...rows,
+        h("label", { class: "option" }, at_server, h("span", {}, h("b", {}, t("setup.other_port")), server))),
+      field(t("setup.stations"), stations, t("setup.stations_help")),
       known.element,
-      h("p", { class: "message" }, "Scanning only reads. It refuses a line on which another master sends."),
-      wide("Scan", scan, "primary"),
+      h("p", { class: "message" }, t("setup.scan_reads")),
+      wide(t("setup.scan"), scan, "primary"),
       uncontrolled.length > 0 && this.offer_control(uncontrolled),
       drives.length > 0 && this.offer_verify(drives),
     );
@@ -113,14 +114,14 @@ export class Panel {
       Object.assign(this.draft, { drive: drives.find(({ name }) => name === select.value), rules: new Rules() });
       this.show_rules();
     };
-    return h("div", { class: "part" }, field("Drive without control", select), wide("Give it control", give));
+    return h("div", { class: "part" }, field(t("setup.uncontrolled"), select), wide(t("setup.give_control"), give));
   }
 
   /** Whether drives that are read already obey the bus. */
   offer_verify(drives) {
     const select = h("select", {}, ...drives.map(({ name }) => h("option", { value: name }, name)));
-    const look = () => this.show(`Is ${select.value} set to obey the bus?`, {}, verify(select.value), wide("Back", () => this.begin()));
-    return h("div", { class: "part" }, field("Drive that is read", select), wide("Look at its settings", look));
+    const look = () => this.show(t("setup.obeys", { drive: select.value }), {}, verify(select.value), wide(t("setup.back"), () => this.begin()));
+    return h("div", { class: "part" }, field(t("setup.is_read"), select), wide(t("setup.look"), look));
   }
 
   async scan(body) {
@@ -129,14 +130,14 @@ export class Panel {
   }
 
   show_scan(scan) {
-    const bar = h("progress", { max: scan.asks, value: 0, "aria-label": "Stations that were asked" });
+    const bar = h("progress", { max: scan.asks, value: 0, "aria-label": t("setup.asked") });
     const told = h("p", { class: "message", role: "status" });
     const found = h("ul");
     const draw = (now) => {
       bar.value = now.asked;
       const drives = now.drives.length;
-      text(told, `${drives} ${drives === 1 ? "drive" : "drives"}${now.at ? `; asking at ${now.at}` : "; listening first"}`);
-      found.replaceChildren(...now.drives.map((drive) => h("li", {}, h("b", {}, `Station ${drive.station}`), ` ${guess(drive)}, ${drive.at}`)));
+      text(told, `${t("drives", { count: drives })}; ${now.at ? t("setup.asking_at", { link: now.at }) : t("setup.listening")}`);
+      found.replaceChildren(...now.drives.map((drive) => h("li", {}, h("b", {}, t("setup.station", { station: drive.station })), ` ${guess(drive)}, ${drive.at}`)));
     };
     const look = async () => {
       const { answer, error } = await session.set_up("GET", "/scan");
@@ -144,11 +145,11 @@ export class Panel {
       text(this.error, error ?? "");
       if (answer?.state === "running") draw(answer);
       else if (answer?.state === "done") return this.show_found(answer);
-      else if (answer?.state) return this.end_scan(answer.error ?? "The scan was ended.");
+      else if (answer?.state) return this.end_scan(answer.error ?? t("setup.scan_ended"));
       this.timer = setTimeout(look, EVERY_MS);
     };
     const step = { resume: look };
-    this.show(`Looking for drives on ${scan.port}`, step, bar, told, found, wide("End the scan", () => this.end_scan(null)));
+    this.show(t("setup.scanning", { port: scan.port }), step, bar, told, found, wide(t("setup.end_scan"), () => this.end_scan(null)));
     draw(scan);
     this.timer = setTimeout(look, EVERY_MS);
   }
@@ -175,8 +176,8 @@ export class Panel {
       await this.end_scan(null);
     };
     const is_any = found.count() > 0;
-    const title = is_any ? `${found.count()} ${found.count() === 1 ? "drive" : "drives"} at ${scan.link}` : "No drive of a known model answers";
-    this.show(title, {}, found.element, is_any && wide("Continue", next, "primary"), wide("Scan again", again));
+    const title = is_any ? t("setup.found", { count: found.count(), link: scan.link }) : t("setup.found_none");
+    this.show(title, {}, found.element, is_any && wide(t("setup.continue"), next, "primary"), wide(t("setup.scan_again"), again));
   }
 
   show_rules() {
@@ -191,8 +192,8 @@ export class Panel {
     const name = h("input", { type: "text", value: this.draft.line, autocapitalize: "off", autocomplete: "off" });
     name.addEventListener("input", () => (this.draft.line = name.value.trim()));
     rules.offer(this.site, drives, drive !== null);
-    const title = drive ? `Who may command ${drive.name}?` : "Who may command the drives?";
-    this.show(title, {}, !drive && field("Name of the line", name), rules.element, wide("Check", check, "primary"), wide("Back", back));
+    const title = drive ? t("setup.who_one", { drive: drive.name }) : t("setup.who_all");
+    this.show(title, {}, !drive && field(t("setup.line_name"), name), rules.element, wide(t("setup.check"), check, "primary"), wide(t("setup.back"), back));
   }
 
   /** What is to be added, as the gateway takes it. */
@@ -210,20 +211,20 @@ export class Panel {
     const proposal = await this.ask("POST", "/proposal", wanted);
     if (!proposal) return;
     const { path } = this.site.configuration;
-    const apply = wide("Apply", () => this.apply(wanted, proposal.digest), "primary");
+    const apply = wide(t("setup.apply"), () => this.apply(wanted, proposal.digest), "primary");
     show(apply, proposal.is_right);
     const watched = this.draft.rules.is_controlled ? (wanted.drives ?? []).filter(({ control }) => control === null) : [];
     this.show(
-      proposal.is_right ? "This will be added" : "This cannot be added yet",
+      t(proposal.is_right ? "setup.added" : "setup.not_added"),
       {},
-      list("Problems", proposal.problems.map(problem_text), "problem"),
-      list("Warnings", proposal.warnings.map(problem_text), "hint"),
-      list("Only watched, not commanded", watched.map(({ name }) => name), "hint"),
-      list("What it costs", proposal.summary, "good"),
-      h("p", { class: "message" }, `In ${path}, from line ${proposal.line_number} on. All else stays, comments too; the old file is kept beside it.`),
-      h("pre", { class: "added", tabindex: "0", role: "region", "aria-label": "Text that will be added" }, numbered(proposal.text, proposal.line_number)),
+      list(t("setup.problems"), proposal.problems.map(problem_text), "problem"),
+      list(t("setup.warnings"), proposal.warnings.map(problem_text), "hint"),
+      list(t("setup.only_watched"), watched.map(({ name }) => name), "hint"),
+      list(t("setup.costs"), proposal.summary, "good"),
+      h("p", { class: "message" }, t("setup.where", { path, line: proposal.line_number })),
+      h("pre", { class: "added", tabindex: "0", role: "region", "aria-label": t("setup.text") }, numbered(proposal.text, proposal.line_number)),
       apply,
-      wide("Back", () => this.show_rules()),
+      wide(t("setup.back"), () => this.show_rules()),
     );
   }
 
@@ -236,44 +237,44 @@ export class Panel {
       await this.end_scan(null);
     };
     this.show(
-      "It is in force",
+      t("setup.done"),
       {},
-      list("Changes", done.changes, "good"),
-      list("Warnings", done.warnings.map(problem_text), "hint"),
-      h("p", { class: "message" }, `The old file is ${done.kept_as}.`),
-      h("p", {}, "Does each drive obey the bus? Verify reads its settings."),
+      list(t("setup.changes"), done.changes, "good"),
+      list(t("setup.warnings"), done.warnings.map(problem_text), "hint"),
+      h("p", { class: "message" }, t("setup.old_file", { path: done.kept_as })),
+      h("p", {}, t("setup.verify_why")),
       ...names.map((name) => verify(name)),
-      wide("Set up more", again),
+      wide(t("setup.more"), again),
     );
   }
 }
 
 function guess({ confidence, models, other }) {
-  if (confidence === "asking") return "being asked what it is";
+  if (confidence === "asking") return t("guess.asking");
   const titles = models.slice(0, 3).map(({ vendor, title }) => `${vendor} ${title}`);
-  return other ? `says that it is ${other}` : titles.join(" or ") || "of no known model";
+  return other ? t("guess.says_other", { other }) : titles.join(" / ") || t("guess.unknown");
 }
 
 function problem_text({ line, what, right }) {
-  return `${line === null ? "" : `Line ${line}: `}${what}${right ? `. Right would be ${right}` : ""}`;
+  return `${line === null ? "" : `${t("problem.line", { line })}: `}${what}${right ? `. ${t("problem.right", { right })}` : ""}`;
 }
 
 /** A port with what keeps one from it. */
 function port_row({ port, driver, group, may_open, holders, line }, is_chosen, choose) {
   const why = [];
-  if (line) why.push(`line ${line} uses it`);
-  else if (holders.length > 0) why.push(`in use by ${holders.join(", ")}: end it first`);
-  if (!may_open) why.push(`the gateway may not open it: its user must be in the group ${group}`);
+  if (line) why.push(t("port.line", { line }));
+  else if (holders.length > 0) why.push(t("port.held", { holders: holders.join(", ") }));
+  if (!may_open) why.push(t("port.forbidden", { group }));
   const radio = h("input", { type: "radio", name: "port", change: choose, disabled: why.length > 0, checked: is_chosen && why.length === 0 });
-  return h("label", { class: "option" }, radio, h("span", {}, h("b", {}, port), h("small", {}, [driver ?? "driver not known", ...why].join("; "))));
+  return h("label", { class: "option" }, radio, h("span", {}, h("b", {}, port), h("small", {}, [driver ?? t("port.no_driver"), ...why].join("; "))));
 }
 
 /** For those who know the setting of the line: one is faster than all. */
 function link_choice() {
   const option = (value, label = value) => h("option", { value }, String(label));
-  const baud = h("select", { "aria-label": "Speed" }, option("", "factory settings"), ...BAUDS.map((it) => option(it, `${it} bit/s`)), option("all", "all, which takes long"));
-  const parity = h("select", { "aria-label": "Parity" }, option("none", "no parity"), option("even", "even"), option("odd", "odd"));
-  const stop_bits = h("select", { "aria-label": "Stop bits" }, option("1", "1 stop bit"), option("2", "2 stop bits"));
+  const baud = h("select", { "aria-label": t("link.speed") }, option("", t("link.factory")), ...BAUDS.map((it) => option(it, `${it} bit/s`)), option("all", t("link.all")));
+  const parity = h("select", { "aria-label": t("link.parity") }, ...["none", "even", "odd"].map((word) => option(word, t(`parity.${word}`))));
+  const stop_bits = h("select", { "aria-label": t("link.stop_bits") }, ...[1, 2].map((count) => option(String(count), t("stop_bits", { count }))));
   const more = h("span", { class: "entry" }, parity, stop_bits);
   show(more, false);
   baud.addEventListener("change", () => show(more, Number(baud.value) > 0));
@@ -282,5 +283,5 @@ function link_choice() {
     if (baud.value === "") return {};
     return { link: { baud: Number(baud.value), parity: parity.value, stop_bits: Number(stop_bits.value) } };
   };
-  return { element: h("div", { class: "part" }, field("Settings to try", baud), more), value };
+  return { element: h("div", { class: "part" }, field(t("link.try"), baud), more), value };
 }

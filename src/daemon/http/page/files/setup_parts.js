@@ -1,6 +1,17 @@
 // What the steps of set-up are built of.
 
 import { h, prose, shape } from "./dom.js";
+import { learn } from "./texts.js";
+
+/** What only set-up needs is fetched with it. */
+async function dress() {
+  const sheet = h("link", { rel: "stylesheet", href: "assets/setup.css" });
+  const done = new Promise((done) => ["load", "error"].forEach((event) => sheet.addEventListener(event, done)));
+  document.head.append(sheet);
+  await done;
+}
+
+await Promise.all([learn("setup"), dress()]);
 
 let last = 0;
 

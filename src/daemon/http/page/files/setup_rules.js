@@ -2,9 +2,9 @@
 
 import { h, show } from "./dom.js";
 import { boxes, field, radios } from "./setup_parts.js";
+import { decimal, sentence_of, t, words } from "./texts.js";
 
-const WAYS = { page: "This page", "modbus-tcp": "A PLC or SCADA system (Modbus TCP)", mqtt: "MQTT, Home Assistant", sparkplug: "Sparkplug" };
-const DIRECTIONS = [{ value: "forward", label: "Forward only" }, { value: "both", label: "Forward and reverse" }];
+const DIRECTIONS = ["forward", "both"].map((value) => ({ value, label: t(`directions.${value}`) }));
 
 /** The form, which keeps what was chosen while one goes back and forth. */
 export class Rules {
@@ -16,9 +16,9 @@ export class Rules {
     this.chosen = { directions: null, on_commander_lost: null, on_shutdown: null };
     this.accepts = new Set();
     this.accepts_for = "";
-    this.least = number("0");
-    this.most = number("50");
-    this.lost_after = number("10");
+    this.least = entry("0");
+    this.most = entry("50");
+    this.lost_after = entry("10");
     this.lost_after.value = "10";
     this.element = h("div", {});
   }
@@ -27,7 +27,7 @@ export class Rules {
   offer({ ways, actions }, drives, is_forced) {
     this.is_forced = is_forced;
     this.drives = drives.filter(({ can_be_commanded }) => can_be_commanded !== false);
-    const action = ({ word, meaning }) => ({ value: word, label: word, about: meaning });
+    const action = ({ word, meaning }) => ({ value: word, label: words(word), about: sentence_of({ said: { key: `fail_safe.${word}` }, text: meaning }) });
     const choose = (key) => (value) => (this.chosen[key] = value);
     const of = (key, legend, options) => radios(legend, `rule-${key}`, options, choose(key), this.chosen[key]);
     const unproven = this.drives.filter(({ is_unproven }) => is_unproven);
@@ -36,8 +36,8 @@ export class Rules {
     if (accepts_for !== this.accepts_for) this.accepts.clear();
     this.accepts_for = accepts_for;
     const commanded = new Set(this.drives.map(({ station }) => station).filter((station) => !this.refused.has(station)));
-    const drive_boxes = boxes("Drives that may be commanded", this.drives.map(({ name, station, is_unproven }) => ({
-      value: station, label: name, about: is_unproven ? "no manual proves its stop" : null,
+    const drive_boxes = boxes(t("rules.drives"), this.drives.map(({ name, station, is_unproven }) => ({
+      value: station, label: name, about: is_unproven ? t("found.unproven") : null,
     })), commanded);
     drive_boxes.addEventListener("change", () => {
       this.refused = new Set(this.drives.map(({ station }) => station).filter((station) => !commanded.has(station)));
@@ -45,22 +45,22 @@ export class Rules {
     const rules = h(
       "div",
       {},
-      boxes("From where", ways.map((way) => ({ value: way, label: WAYS[way] ?? way })), this.from),
-      h("div", { class: "pair" }, field("Lowest frequency, Hz", this.least), field("Highest frequency, Hz", this.most)),
-      of("directions", "Directions", DIRECTIONS),
-      of("on_commander_lost", "When the commander is lost", actions.map(action)),
-      field("How long it may be silent before that, in seconds", this.lost_after),
-      of("on_shutdown", "When the gateway is shut down", actions.map(action)),
-      unproven.length > 0 && boxes("Stop not proven", [{
+      boxes(t("rules.from"), ways.map((way) => ({ value: way, label: t(`way.${way}`) })), this.from),
+      h("div", { class: "pair" }, field(t("rules.least"), this.least), field(t("rules.most"), this.most)),
+      of("directions", t("rules.directions"), DIRECTIONS),
+      of("on_commander_lost", t("rules.lost"), actions.map(action)),
+      field(t("rules.lost_after"), this.lost_after),
+      of("on_shutdown", t("rules.shutdown"), actions.map(action)),
+      unproven.length > 0 && boxes(t("rules.unproven"), [{
         value: "yes",
-        label: "Take orders all the same",
-        about: "No manual proves how these are stopped. See a stop work at the drive before you rely on it.",
+        label: t("rules.accept"),
+        about: t("rules.accept_about"),
       }], this.accepts),
       !is_forced && drive_boxes,
     );
     const kinds = [
-      { value: "watch", label: "Only watch", about: "No client may command them." },
-      { value: "command", label: "They may be commanded", about: "One at a time, within limits." },
+      { value: "watch", label: t("rules.watch"), about: t("rules.watch_about") },
+      { value: "command", label: t("rules.command"), about: t("rules.command_about") },
     ];
     const decide = (value) => {
       this.is_controlled = value === "command";
@@ -69,20 +69,20 @@ export class Rules {
     const kept = this.is_controlled === null ? null : this.is_controlled ? "command" : "watch";
     if (is_forced) this.is_controlled = true;
     show(rules, this.is_controlled === true);
-    this.element.replaceChildren(is_forced ? "" : radios("Control", "rule-kind", kinds, decide, kept), rules);
+    this.element.replaceChildren(is_forced ? "" : radios(t("rules.control"), "rule-kind", kinds, decide, kept), rules);
   }
 
   /** What is missing, in a sentence; null if nothing. */
   wrong() {
-    if (this.is_controlled === null) return "Choose whether the drives may be commanded.";
+    if (this.is_controlled === null) return t("rules.choose_control");
     if (!this.is_controlled) return null;
-    if (this.from.size === 0) return "Choose from where they may be commanded.";
-    const [least, most] = [this.least.valueAsNumber, this.most.valueAsNumber];
-    if (!(least >= 0 && most > least && most <= 1000)) return "The lowest and the highest frequency are missing, or exchanged.";
-    if (this.chosen.directions === null) return "Choose the directions.";
-    if (this.chosen.on_commander_lost === null) return "Choose what happens when the commander is lost.";
-    if (!(Number.isInteger(this.lost_after.valueAsNumber) && this.lost_after.valueAsNumber >= 1)) return "How many whole seconds may the commander be silent?";
-    return this.chosen.on_shutdown === null ? "Choose what happens when the gateway is shut down." : null;
+    if (this.from.size === 0) return t("rules.choose_from");
+    const [least, most] = [decimal(this.least.value), decimal(this.most.value)];
+    if (least === null || most === null || most <= least || most > 1000) return t("rules.wrong_limits");
+    if (this.chosen.directions === null) return t("rules.choose_directions");
+    if (this.chosen.on_commander_lost === null) return t("rules.choose_lost");
+    if (!(Number.isInteger(decimal(this.lost_after.value)) && decimal(this.lost_after.value) >= 1)) return t("rules.choose_lost_after");
+    return this.chosen.on_shutdown === null ? t("rules.choose_shutdown") : null;
   }
 
   /** The rules of the drive at `station`; null if it is only watched. */
@@ -93,15 +93,15 @@ export class Rules {
     if (!this.is_controlled || !is_listed || is_left_out) return null;
     return {
       from: [...this.from],
-      min_frequency_hz: this.least.valueAsNumber,
-      max_frequency_hz: this.most.valueAsNumber,
+      min_frequency_hz: decimal(this.least.value),
+      max_frequency_hz: decimal(this.most.value),
       ...this.chosen,
-      lost_after_s: this.lost_after.valueAsNumber,
+      lost_after_s: decimal(this.lost_after.value),
       accept_unverified,
     };
   }
 }
 
-function number(placeholder) {
-  return h("input", { type: "number", inputmode: "decimal", min: "0", step: "0.01", placeholder, autocomplete: "off" });
+function entry(placeholder) {
+  return h("input", { type: "text", inputmode: "decimal", placeholder, autocomplete: "off" });
 }

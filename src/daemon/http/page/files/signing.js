@@ -4,13 +4,14 @@ import { announce, attribute, h, show, text } from "./dom.js";
 import * as leases from "./leases.js";
 import * as problems from "./problems.js";
 import * as session from "./session.js";
+import { t, words } from "./texts.js";
 
 /** Puts it into the page's head. */
 export function start(place, form_place) {
-  const stop = h("button", { type: "button", class: "stop all", click: stop_all }, "STOP ALL");
+  const stop = h("button", { type: "button", class: "stop all", click: stop_all }, t("action.stop_all"));
   const who = h("span", { class: "who" });
-  const out = h("button", { type: "button", class: "plain", click: () => session.sign_out() }, "Sign out");
-  const begin = h("button", { type: "button", class: "plain", "aria-expanded": "false", "aria-controls": "sign-in" }, "Sign in");
+  const out = h("button", { type: "button", class: "plain", click: () => session.sign_out() }, t("sign.out"));
+  const begin = h("button", { type: "button", class: "plain", "aria-expanded": "false", "aria-controls": "sign-in" }, t("sign.in"));
   const form = sign_in_form(() => {
     open(false);
     document.getElementById("main").focus();
@@ -36,7 +37,7 @@ export function start(place, form_place) {
     if (is_in || !enabled) open_quietly(form, begin);
     if (!is_in) leases.end_all();
     text(who, user ?? "");
-    attribute(who, "title", role);
+    attribute(who, "title", role === null ? null : words(role));
   };
   session.changed(draw);
   draw(session.current());
@@ -63,10 +64,10 @@ function sign_in_form(done) {
   };
   const form = h(
     "form",
-    { id: "sign-in", class: "sign-in", hidden: true, "aria-label": "Sign in", submit },
-    h("label", {}, "User ", h("input", { name: "user", autocomplete: "username", autocapitalize: "none", spellcheck: "false", required: true })),
-    h("label", {}, "Password ", h("input", { name: "password", type: "password", autocomplete: "current-password", required: true })),
-    h("button", { name: "go", class: "primary" }, "Sign in"),
+    { id: "sign-in", class: "sign-in", hidden: true, "aria-label": t("sign.in"), submit },
+    h("label", {}, `${t("sign.user")} `, h("input", { name: "user", autocomplete: "username", autocapitalize: "none", spellcheck: "false", required: true })),
+    h("label", {}, `${t("sign.password")} `, h("input", { name: "password", type: "password", autocomplete: "current-password", required: true })),
+    h("button", { name: "go", class: "primary" }, t("sign.in")),
     message,
   );
   return form;
@@ -78,5 +79,5 @@ async function stop_all() {
   const told = await session.stop_all();
   const { sentence, failed } = problems.stopped(told, performance.now() - begun);
   const names = failed.map(({ drive }) => drive).join(", ");
-  announce(failed.length === 0 ? sentence : `${sentence}. Not confirmed: ${names}`, failed.length > 0);
+  announce(failed.length === 0 ? sentence : t("stop_all.failed", { sentence, names }), failed.length > 0);
 }

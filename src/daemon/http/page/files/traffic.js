@@ -1,26 +1,27 @@
 // What goes over a line, decoded, while somebody looks.
 
-import { clock, h, show, text, words } from "./dom.js";
+import { h, show, text } from "./dom.js";
 import { choices, labelled, table } from "./fetched.js";
+import { clock, number, t, words } from "./texts.js";
 
-const HEADINGS = ["Time", "Gap", "Kind", "Station", "Function", "Meaning", "Bytes"];
+const HEADINGS = ["time", "gap", "kind", "station", "function", "meaning", "bytes"].map((word) => t(`heading.${word}`));
 const ROWS_MAX = 500;
 const DRAW_MS = 250;
 const IN_ORDER = new Set(["request", "reply", "echo"]);
 
 /** The panel of the traffic of a line. */
-export class Traffic {
+export class Panel {
   constructor(element) {
     this.line = h("select", { change: () => this.source && this.begin() });
-    this.toggle = h("button", { type: "button", class: "plain", click: () => (this.source ? this.end() : this.begin()) }, "Start");
-    this.pause = h("button", { type: "button", class: "plain", "aria-pressed": "false", click: () => this.set_paused(!this.is_paused) }, "Pause");
-    this.clear = h("button", { type: "button", class: "plain", click: () => this.empty() }, "Clear");
+    this.toggle = h("button", { type: "button", class: "plain", click: () => (this.source ? this.end() : this.begin()) }, t("traffic.start"));
+    this.pause = h("button", { type: "button", class: "plain", "aria-pressed": "false", click: () => this.set_paused(!this.is_paused) }, t("traffic.pause"));
+    this.clear = h("button", { type: "button", class: "plain", click: () => this.empty() }, t("traffic.clear"));
     this.only_faults = h("input", { type: "checkbox" });
-    this.message = h("p", { class: "message", role: "status" }, "Nothing is recorded while nobody looks.");
-    const { element: shown, body, row } = table("Traffic of the line", HEADINGS, ["Gap"]);
+    this.message = h("p", { class: "message", role: "status" }, t("traffic.idle"));
+    const { element: shown, body, row } = table(t("traffic.title"), HEADINGS, [t("heading.gap")]);
     this.body = body;
     this.row = row;
-    this.scroll = h("div", { class: "scroll traffic", tabindex: 0, role: "region", "aria-label": "Traffic of the line" }, shown);
+    this.scroll = h("div", { class: "scroll traffic", tabindex: 0, role: "region", "aria-label": t("traffic.title") }, shown);
     this.source = null;
     this.is_paused = false;
     this.waiting = [];
@@ -31,11 +32,11 @@ export class Traffic {
       h(
         "div",
         { class: "tools" },
-        labelled("Line", this.line),
+        labelled(t("line"), this.line),
         this.toggle,
         this.pause,
         this.clear,
-        h("label", { class: "choice" }, this.only_faults, h("span", {}, "Only what is wrong")),
+        h("label", { class: "choice" }, this.only_faults, h("span", {}, t("traffic.faults"))),
       ),
       this.message,
       this.scroll,
@@ -62,9 +63,9 @@ export class Traffic {
     this.source = source;
     this.lost = 0;
     this.set_paused(false);
-    text(this.toggle, "Stop");
+    text(this.toggle, t("traffic.end"));
     show(this.pause, true);
-    text(this.message, `Listening to ${line}.`);
+    text(this.message, t("traffic.listening", { line }));
     source.addEventListener("frame", (event) => this.take(JSON.parse(event.data)));
     source.addEventListener("lost", (event) => {
       this.lost += JSON.parse(event.data).records ?? 0;
@@ -73,13 +74,13 @@ export class Traffic {
       if (this.source !== source) return;
       if (source.readyState === EventSource.CLOSED) {
         this.end();
-        text(this.message, "The gateway does not show this line now. Too many may be looking.");
+        text(this.message, t("traffic.refused"));
       } else {
         // The browser asks again by itself, from where it was: an answer without an end is ended at times.
-        text(this.message, `Connecting to ${line} again.`);
+        text(this.message, t("traffic.again", { line }));
       }
     };
-    source.onopen = () => text(this.message, `Listening to ${line}.`);
+    source.onopen = () => text(this.message, t("traffic.listening", { line }));
   }
 
   end() {
@@ -87,15 +88,15 @@ export class Traffic {
     this.source.close();
     this.source = null;
     this.draw();
-    text(this.toggle, "Start");
+    text(this.toggle, t("traffic.start"));
     show(this.pause, false);
-    text(this.message, "Stopped.");
+    text(this.message, t("traffic.ended"));
   }
 
   set_paused(is) {
     this.is_paused = is;
     this.pause.setAttribute("aria-pressed", String(is));
-    text(this.pause, is ? "Go on" : "Pause");
+    text(this.pause, t(is ? "traffic.resume" : "traffic.pause"));
   }
 
   empty() {
@@ -117,12 +118,12 @@ export class Traffic {
     this.body.append(...this.waiting.splice(0).map((frame) => this.shown(frame)));
     while (this.body.childElementCount > ROWS_MAX) this.body.firstElementChild.remove();
     if (is_at_end) this.scroll.scrollTop = this.scroll.scrollHeight;
-    if (this.source && this.lost > 0) text(this.message, `Listening to ${this.line.value}. ${this.lost} records came too fast to be shown.`);
+    if (this.source && this.lost > 0) text(this.message, t("traffic.lost", { line: this.line.value, count: this.lost }));
   }
 
   shown(frame) {
     const { at, kind, bytes, gap_ms, station, drive, function: code, text: sentence } = frame;
-    const gap = typeof gap_ms === "number" ? `${gap_ms.toFixed(1)} ms` : "";
+    const gap = typeof gap_ms === "number" ? `${number(gap_ms, 1)} ms` : "";
     const who = drive ? `${station} ${drive}` : (station ?? "");
     const hex = code === null || code === undefined ? "" : code.toString(16).toUpperCase().padStart(2, "0");
     const spaced = (bytes ?? "").replace(/(..)(?!$)/g, "$1 ");

@@ -1,11 +1,12 @@
 // Trends of drives: one chart for each unit, with a common cursor, and trips and commands as marks.
 
-import { h, keyed, number, show, text, unit as written } from "./dom.js";
+import { h, keyed, show, text } from "./dom.js";
 import { document_at, labelled, query } from "./fetched.js";
 import { data, draw, renew } from "./chart.js";
+import { number, t, unit as written, value_label } from "./texts.js";
 
 const EVERY_MS = { "1h": 10_000, "24h": 60_000, "7d": 60_000, "30d": 60_000 };
-const SPANS = [["1h", "1 hour"], ["24h", "24 hours"], ["7d", "7 days"], ["30d", "30 days"]];
+const SPANS = ["1h", "24h", "7d", "30d"].map((word) => [word, t(`span.${word}`)]);
 const MARKS_MAX = 500;
 /** More curves than that are not told apart. */
 const DRIVES_MAX = 4;
@@ -16,13 +17,13 @@ const USUAL_UNITS = ["Hz", "Hz", "A", "V"];
 export class Trend {
   constructor(element) {
     this.element = element;
-    this.drives = new Choice("Drives", () => this.load());
-    this.values = new Choice("Values", () => this.load());
+    this.drives = new Choice(t("trend.drives"), () => this.load());
+    this.values = new Choice(t("trend.values"), () => this.load());
     this.span = h("select", { change: () => this.load() }, ...SPANS.map(([value, label]) => h("option", { value }, label)));
     this.exports = h("span", { class: "export" });
     const button = (label, act) => h("button", { type: "button", class: "plain", click: act }, label);
     this.zoomed = h("span", { class: "export", hidden: true },
-      button("Earlier", () => this.pan(-0.5)), " ", button("Later", () => this.pan(0.5)), " ", button("Whole", () => this.whole()));
+      button(t("trend.earlier"), () => this.pan(-0.5)), " ", button(t("trend.later"), () => this.pan(0.5)), " ", button(t("trend.whole"), () => this.whole()));
     this.place = h("div", { class: "charts" });
     this.message = h("p", { class: "message", role: "status" }, "");
     this.charts = [];
@@ -33,10 +34,10 @@ export class Trend {
     this.loaded = 0;
     const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
     element.append(
-      h("div", { class: "tools" }, this.drives.element, labelled("Span", this.span), this.values.element, this.zoomed, this.exports),
+      h("div", { class: "tools" }, this.drives.element, labelled(t("trend.span"), this.span), this.values.element, this.zoomed, this.exports),
       this.message,
       this.place,
-      h("p", { class: "about" }, `Times in ${zone}. Drag over a chart to look closer. Lines mark trips (solid) and commands (dotted).`),
+      h("p", { class: "about" }, t("trend.how", { zone })),
     );
     setInterval(() => this.is_due() && this.load(), 1000);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw_anew());
@@ -67,7 +68,7 @@ export class Trend {
     const wanted = JSON.stringify([drives, span, values]);
     this.wanted = wanted;
     this.loaded = performance.now();
-    if (drives.length === 0) return this.tell("Choose a drive.");
+    if (drives.length === 0) return this.tell(t("trend.choose"));
     const path = (drive, more) => query("api/v1/trend", { drive, span, values, ...more });
     const all = await Promise.all(drives.map((drive) => document_at(path(drive, {}), this.element)));
     const marks = await this.load_marks(drives, span);
@@ -77,7 +78,7 @@ export class Trend {
     this.answers = all.map(({ answer }) => answer);
     this.marks = marks;
     const is_empty = !this.answers.some(({ values: columns }) => columns.some((column) => column.some((value) => value !== null)));
-    this.tell(is_empty ? "Nothing has been recorded of this yet." : "");
+    this.tell(is_empty ? t("trend.empty") : "");
     this.exports.replaceChildren("CSV: ", ...drives.flatMap((drive) => [h("a", { href: path(drive, { format: "csv" }), download: `${drive}.csv` }, drive), " "]));
     this.show(wanted);
   }
@@ -93,7 +94,7 @@ export class Trend {
   }
 
   show(wanted) {
-    const offered = new Map(this.answers.flatMap(({ columns }) => columns.map(({ name, label, unit }) => [name, `${label} (${written(unit)})`])));
+    const offered = new Map(this.answers.flatMap(({ columns }) => columns.map((column) => [column.name, `${value_label(column)} (${written(column.unit)})`])));
     // What was not asked for is not offered either.
     if (!this.values.is_changed) this.values.offer([...offered], usual(this.answers[0].columns));
     const layout = JSON.stringify([wanted, this.answers.map(({ columns }) => columns), this.values.chosen()]);
@@ -122,8 +123,10 @@ export class Trend {
     const units = new Map();
     let colour = 0;
     for (const [answer, { drive, columns }] of this.answers.entries()) {
-      for (const [index, { name, label, unit }] of columns.entries()) {
+      for (const [index, column] of columns.entries()) {
+        const { name, unit } = column;
         if (!wanted.has(name)) continue;
+        const label = value_label(column);
         const called = this.answers.length > 1 ? `${drive}: ${label}` : label;
         units.set(unit, [...(units.get(unit) ?? []), { answer, index, name, label: called, unit, colour: colour++ }]);
       }
@@ -167,12 +170,12 @@ export class Trend {
     for (const { series, summary, element } of this.charts) {
       const told = series.map(({ answer, index, label, unit }) => {
         const values = this.answers[answer].values[index].filter((value) => value !== null);
-        if (values.length === 0) return `${label}: no values`;
+        if (values.length === 0) return t("trend.no_values", { label });
         const [least, most] = [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
-        return `${label}: ${number(values.at(-1))} ${written(unit)} last, ${number(least)} to ${number(most)} ${written(unit)} in ${span}`;
+        return t("trend.summary", { label, last: values.at(-1), least, most, unit: written(unit), span });
       });
       text(summary, told.join(". "));
-      element.setAttribute("aria-label", `Chart. ${told.join(". ")}`);
+      element.setAttribute("aria-label", `${t("trend.chart")}. ${told.join(". ")}`);
     }
   }
 }
