@@ -329,11 +329,14 @@ fn a_trip_is_shown_and_reset() {
     shop.drive.type_line("");
     browser.wait_for_text(&in_card(".state"), "TRIPPED");
     browser.wait_for_text(&in_card(".trip"), "TRIP");
+    browser.wait_for_text(&in_card(".notes"), "no such trip before");
     browser.wait("document.getElementById('assertive').textContent.includes('pump-1 tripped')");
     browser.click("#tab-journal");
     browser.wait_for_text("#journal tbody", "trip");
     browser.hold(&mark(&browser, "Reset"));
     browser.wait_for_text(&in_card(".state"), "STOPPED");
+    shop.drive.type_line("");
+    browser.wait_for_text(&in_card(".notes"), "1 such trip before, at ");
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 

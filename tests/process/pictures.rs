@@ -3,6 +3,8 @@
 
 use super::chromium::{Browser, Window};
 use super::demo::Demo;
+use super::languages::choose;
+use super::looking::{PASSWORD, Shop, sign_in};
 use super::started::{PATIENCE, until};
 use std::path::Path;
 
@@ -60,6 +62,20 @@ fn pictures_of_the_page_for_the_readme() {
     ));
     take(&browser, "page-32-desktop", DESKTOP);
     take(&browser, "page-32-phone", Window::PHONE);
+}
+
+#[test]
+#[ignore = "it writes into docs/"]
+fn pictures_of_one_drive_in_two_languages() {
+    let shop = Shop::open(true);
+    let browser = shop.browser();
+    sign_in(&browser, PASSWORD);
+    browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
+    take(&browser, "page-1-desktop", DESKTOP);
+    take(&browser, "page-1-phone", Window::PHONE);
+    choose(&browser, "de");
+    take(&browser, "page-german-desktop-dark", DESKTOP.dark());
+    take(&browser, "page-german-phone", Window::PHONE);
 }
 
 /// Writes a picture of what the window shows into `docs/`.

@@ -22,9 +22,14 @@ use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Cause number of the trips. Any number will do: its meaning is not known for every model.
 const TRIP_CAUSE: u16 = 1;
+
+/// When the last drive trips by itself and when it is reset at its panel, so that the journal has something to show.
+const TRIPS_AT: Duration = Duration::from_secs(10);
+const RESET_AT: Duration = Duration::from_secs(20);
 
 /// The user of the page. The password is printed, and works from this host only.
 const USER: &str = "demo";
@@ -65,29 +70,65 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
     }
     let devices: Vec<_> = played.iter().map(|(pty, _)| pty.path().to_owned()).collect();
     let enter = Enter::listen().map_err(Failure::failed)?;
-    let first = lines.first().and_then(|line| line.drives.first()).map(|drive| drive.station);
+    let actors = Actors {
+        first: lines.first().and_then(|line| line.drives.first()).map(|drive| drive.station),
+        last: lines.last().and_then(|line| line.drives.last()).map(|drive| drive.station),
+    };
     let data_dir = DataDir::make().map_err(Failure::failed)?;
     let plant = Plant { lines: &lines, devices: &devices, data_dir: data_dir.path() };
-    play(&mut played, &enter, first, || gateway(args, plant)).map_err(Failure::failed)?
+    play(&mut played, &enter, actors, || gateway(args, plant)).map_err(Failure::failed)?
 }
 
-/// Simulates every line as long as `work` lasts. Each Enter trips the drive at station `first` of the first line.
+/// The drives that do something of their own.
+#[derive(Clone, Copy)]
+struct Actors {
+    /// The station on the first line that Enter trips.
+    first: Option<Station>,
+    /// The station on the last line that trips once, and is reset at its panel.
+    last: Option<Station>,
+}
+
+/// Simulates every line as long as `work` lasts.
 fn play<T>(
     lines: &mut [(Pty, SimBus)],
     enter: &Enter,
-    first: Option<Station>,
+    Actors { first, last }: Actors,
     work: impl FnOnce() -> T,
 ) -> io::Result<T> {
     let Some(((pty, bus), others)) = lines.split_first_mut() else { return Ok(work()) };
-    let trip = |bus: &mut SimBus, at: MonoTime| {
-        if let Some(station) = first
-            && enter.was_pressed()
-            && let Some(drive) = bus.drive_mut(station)
-        {
+    let of_this_line = last.filter(|_| others.is_empty());
+    let mut story = Story::default();
+    let act = |bus: &mut SimBus, at: MonoTime| {
+        if let Some(drive) = first.filter(|_| enter.was_pressed()).and_then(|station| bus.drive_mut(station)) {
             drive.trip(at, TRIP_CAUSE);
         }
+        if let Some(drive) = of_this_line.and_then(|station| bus.drive_mut(station)) {
+            story.go_on(drive, at);
+        }
     };
-    simulator::play_beside(&*pty, bus, trip, || play(others, enter, None, work))?
+    simulator::play_beside(&*pty, bus, act, || play(others, enter, Actors { first: None, last }, work))?
+}
+
+/// A trip that ends at the drive's own panel.
+#[derive(Default)]
+struct Story {
+    begun: Option<MonoTime>,
+    is_tripped: bool,
+    is_over: bool,
+}
+
+impl Story {
+    fn go_on(&mut self, drive: &mut SimDrive, at: MonoTime) {
+        let since = at.since(*self.begun.get_or_insert(at));
+        if !self.is_tripped && since >= TRIPS_AT {
+            self.is_tripped = true;
+            drive.trip(at, TRIP_CAUSE);
+        }
+        if !self.is_over && since >= RESET_AT {
+            self.is_over = true;
+            drive.clear_trip(at, None);
+        }
+    }
 }
 
 /// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.
@@ -162,6 +203,7 @@ fn welcome(running: &Running<'_>, plant: Plant<'_>) -> String {
     let http = running.http.unwrap_or(nowhere);
     let at_broker = format!("-h {} -p {}", broker.ip(), broker.port());
     let first = lines.first().and_then(|line| line.drives.first()).map_or("", |drive| &drive.name);
+    let last = lines.last().and_then(|line| line.drives.last()).map_or("", |drive| &drive.name);
     let mut text = String::from("vfd-gateway demo: simulated drives of several vendors\n");
     // Writing to a String cannot fail.
     let mut unit = 0;
@@ -184,11 +226,31 @@ fn welcome(running: &Running<'_>, plant: Plant<'_>) -> String {
          \x20 mosquitto_sub {at_broker} -v -t 'vfd/demo/#'\n\
          \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/{first}/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\
          \x20 mbpoll -0 -a 101 -t 4 -r 0 -c 16 -p {} {}\n\n\
-         Enter trips {first}; trip/reset with the payload reset clears that. If the broker ends, every drive is\n\
-         stopped within 5 s. Not a safety function. Ctrl-C stops the drives and ends the demo.\n",
+         Enter trips {first}; trip/reset with the payload reset clears that. {last} trips once after 10 s and is\n\
+         reset at its panel. If the broker ends, every drive is stopped within 5 s. Not a safety function. Ctrl-C stops the drives and ends the demo.\n",
         data_dir.display(),
         modbus.port(),
         modbus.ip()
     );
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::DriveOptions;
+
+    #[test]
+    fn the_last_drive_trips_once_and_is_reset_at_its_panel() {
+        let model = plant::lines().pop().unwrap().drives.pop().unwrap().model;
+        let mut drive = SimDrive::new(model, DriveOptions::default());
+        let mut story = Story::default();
+        let begun = MonoTime::ZERO;
+        let mut tripped = |seconds| {
+            story.go_on(&mut drive, begun + Duration::from_secs(seconds));
+            drive.is_tripped()
+        };
+        let seen = [0, 9, 10, 19, 20, 100].map(&mut tripped);
+        assert_eq!(seen, [false, false, true, true, false, false]);
+    }
 }

@@ -4,6 +4,7 @@ import { Controls } from "./control.js";
 import { announce, attribute, h, keyed, reshape, shape, show, text } from "./dom.js";
 import * as leases from "./leases.js";
 import { number, recent, role, span, t, unit, value_label, words } from "./texts.js";
+import { before } from "./trip_history.js";
 
 // What an operator looks for comes first; the rest is one click away.
 const FIRST_VALUES = 5;
@@ -111,6 +112,8 @@ class Card {
     this.setpoint = h("span", { class: "number" });
     this.trip = h("p", { class: "trip" });
     this.at_trip = h("p", { class: "trip" });
+    this.before = h("p", { class: "trip", hidden: true });
+    this.looked_up = null;
     this.marks = h("ul", { class: "marks", "aria-label": t("drive.marks") });
     this.values = h("dl", { class: "values" });
     this.others = h("dl", { class: "values" });
@@ -135,7 +138,7 @@ class Card {
         h("p", { class: "output" }, h("span", { class: "label" }, t("drive.output")), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
         h("p", { class: "set" }, h("span", { class: "label" }, t("drive.set")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
       ),
-      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": t("drive.notes", { name }) }, this.trip, this.at_trip, this.marks),
+      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": t("drive.notes", { name }) }, this.trip, this.at_trip, this.before, this.marks),
       this.controls.element,
       this.values,
       this.details,
@@ -207,6 +210,7 @@ class Card {
   }
 
   draw_trip({ trip }) {
+    this.draw_before(trip);
     if (!trip) return show(this.trip, false);
     const is_told = String(trip.text ?? "").includes(String(trip.code ?? ""));
     const name = [is_told ? null : trip.code, trip.text].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
@@ -219,6 +223,22 @@ class Card {
     const at_trip = Object.entries(trip.values ?? {}).filter(([, { value, unit: of }]) => of && value !== null);
     show(this.at_trip, at_trip.length > 0 && !this.trip.hidden);
     text(this.at_trip, t("trip.values", { values: at_trip.map(([key, { value, unit: of }]) => `${role(key.replace(/^trip_/, ""))} ${number(value)} ${unit(of)}`).join(", ") }));
+  }
+
+  /** How often this trip came before, which is looked up once for each trip, where all of the drive is shown. */
+  async draw_before(trip) {
+    const is_active = trip?.active === true && trip.code !== null;
+    // The journal counts a trip when it has it.
+    const wanted = is_active ? `${trip.code} ${trip.seen} ${trip.total}` : null;
+    if (wanted === this.looked_up || (is_active && !this.is_whole())) return;
+    this.looked_up = wanted;
+    show(this.before, false);
+    if (!is_active) return;
+    const found = await before(this.name, trip.code);
+    if (found === null || wanted !== this.looked_up) return;
+    const { count, last_at } = found;
+    text(this.before, count === 0 ? t("trip.first") : t("trip.before", { count, last: recent(last_at) }));
+    show(this.before, true);
   }
 
   draw_marks({ presence, status, control, watchdog, trip, warning }) {

@@ -1,0 +1,18 @@
+// How often a drive tripped for the same reason before, as far as the journal reaches.
+
+const ROWS_MAX = 1000;
+const TIMEOUT_MS = 15_000;
+
+/** The trips of `drive` with this code before the newest: how many, and when the last one was. Null without a journal. */
+export async function before(drive, code) {
+  const asked = new URLSearchParams({ table: "trips", drive, last: ROWS_MAX });
+  try {
+    const response = await fetch(`api/v1/journal?${asked}`, { cache: "no-store", signal: AbortSignal.timeout(TIMEOUT_MS) });
+    if (!response.ok) return null;
+    const { rows = [] } = await response.json();
+    const same = rows.filter(({ kind, body }) => kind === "tripped" && body?.code === code).map(({ at }) => at).sort();
+    return { count: Math.max(0, same.length - 1), last_at: same.at(-2) ?? null };
+  } catch {
+    return null;
+  }
+}
