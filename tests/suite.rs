@@ -117,6 +117,8 @@ mod port_comes_and_goes;
 mod preconditions;
 #[path = "scenarios/ram_forms.rs"]
 mod ram_forms;
+#[path = "scenarios/refresh.rs"]
+mod refresh;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]

@@ -17,7 +17,7 @@ use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
-use crate::line::budget::ASSUMED_TURNAROUND;
+use crate::line::budget::{ASSUMED_TURNAROUND, Refresh};
 use crate::toml_file::words::{INTERFACES, word_for};
 use ipnet::IpNet;
 use serde_json::{Value, json};
@@ -190,14 +190,45 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
         let percent = budget.use_if_delayed * 100.0;
         writeln!(text, "  and {percent:.1} % where each drive is set to its longest delay of replies")?;
     }
+    refresh(text, line)?;
     if let Some(over_full) = warnings::over_full(line) {
         writeln!(text, "  warning: {over_full}")?;
     }
     stops(text, line)?;
+    neighbours(text, line)?;
     for place in 0..line.drives.len() {
         drive::describe(text, line, place, &budget, mqtt)?;
     }
     writeln!(text)
+}
+
+/// How long it takes to read everything once, beside the shortest way that the models allow.
+fn refresh(text: &mut String, line: &LineSettings) -> std::fmt::Result {
+    let Refresh { reads, time, shortest_reads, shortest_time } = line_plan::refresh(line);
+    if reads == 0 {
+        return Ok(());
+    }
+    let beside = match time == shortest_time {
+        true => "the shortest that the models allow".to_owned(),
+        false => format!("the models allow {shortest_reads} reads of {}", ms(shortest_time)),
+    };
+    writeln!(text, "  all polled registers once take {reads} reads and {}: {beside}", ms(time))
+}
+
+/// What each drive costs the stops of the others, where it is the one that sets their bound.
+fn neighbours(text: &mut String, line: &LineSettings) -> std::fmt::Result {
+    let StopBounds { all_healthy, one_silent, .. } = line_plan::stop_bounds(line);
+    if line.drives.len() < 2 {
+        return Ok(());
+    }
+    for (place, drive) in line.drives.iter().enumerate() {
+        let without = line_plan::stop_bounds_without(line, place);
+        if without.all_healthy < all_healthy || without.one_silent < one_silent {
+            let [all, one] = [without.all_healthy, without.one_silent].map(ms);
+            writeln!(text, "  without {} on this line these bounds would be {all} and {one}", drive.name)?;
+        }
+    }
+    Ok(())
 }
 
 fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {

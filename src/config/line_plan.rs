@@ -4,7 +4,7 @@ use super::file::LineFile;
 use super::ready::{DriveSettings, LineSettings, Silence};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
-use crate::line::budget::{self, Budget, PlannedRead, PlannedStation};
+use crate::line::budget::{self, Budget, PlannedRead, PlannedStation, Refresh};
 use crate::line::timeouts::ReplyTimeouts;
 use crate::line::timing::Timing;
 use crate::profile::model::PollClass;
@@ -43,6 +43,19 @@ pub fn station(drive: &DriveSettings) -> PlannedStation<'_> {
 #[must_use]
 pub fn budget(line: &LineSettings) -> Budget {
     budget::of_plan(&timing(line).0, line.drives.iter().map(station))
+}
+
+/// A full refresh of all polled registers of `line`.
+#[must_use]
+pub fn refresh(line: &LineSettings) -> Refresh {
+    budget::refresh(&timing(line).0, line.drives.iter().map(station))
+}
+
+/// The bounds of a stop on `line` without the drive at `place`: what moving it to another line would leave.
+#[must_use]
+pub fn stop_bounds_without(line: &LineSettings, place: usize) -> StopBounds {
+    let others = line.drives.iter().enumerate().filter(|(at, _)| *at != place).map(|(_, drive)| station(drive));
+    budget::stop_bounds(&timing(line).0, others)
 }
 
 /// Maximum waiting time of a stop for one drive of `line`.

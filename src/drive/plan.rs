@@ -7,11 +7,13 @@
 
 mod groups;
 mod phases;
+mod refresh;
 #[cfg(test)]
 mod tests;
 
 pub use groups::{HOLE_MAX, Pace, PollGroup, SLOW_FACTOR, groups};
 pub use phases::PlaceOnLine;
+pub use refresh::{Read, full_refresh, shortest_refresh};
 
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
@@ -237,11 +239,12 @@ impl PollPlan {
             ((hole == 0 || may_bridge) && may_go(address, count)).then_some((address, count, hole))
         };
         let due = self.entries.iter().enumerate().filter(|(_, entry)| entry.is_trusted && entry.due <= now);
-        let mut fitting = due.filter_map(|(index, entry)| {
+        let fitting = due.filter_map(|(index, entry)| {
             let (address, count, hole) = joined(entry)?;
             Some((index, PollGroup { address, count, ..*all }, hole))
         });
-        fitting.next()
+        // The nearest, so that what lies between the two is not read on its own.
+        fitting.min_by_key(|(_, longer, _)| longer.count)
     }
 
     fn sent(&mut self, index: usize, now: MonoTime) {

@@ -110,11 +110,46 @@ pub fn of_plan<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedSt
     Budget { use_of_line, use_if_delayed, stretch: use_of_line.max(1.0), longest_exchange, stations }
 }
 
+/// What it takes to read all polled registers of a line once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Refresh {
+    /// Reads by the plan, when all is due.
+    pub reads: usize,
+    /// Time that they take.
+    pub time: Duration,
+    /// Reads of the shortest refresh within the limits of the models.
+    pub shortest_reads: usize,
+    /// Time that they take.
+    pub shortest_time: Duration,
+}
+
+/// A full refresh of `stations`, beside the shortest one.
+#[must_use]
+pub fn refresh<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> Refresh {
+    let mut all = Refresh::default();
+    for station in stations {
+        let cost = |words| read_cost(timing, station.model, words);
+        let time = |reads: &[plan::Read]| reads.iter().map(|(_, words)| cost(*words)).sum::<Duration>();
+        let planned = plan::full_refresh(station.model);
+        let shortest = plan::shortest_refresh(station.model, cost);
+        all.reads += planned.len();
+        all.time += time(&planned);
+        all.shortest_reads += shortest.len();
+        all.shortest_time += time(&shortest);
+    }
+    all
+}
+
+/// Time that one read of `count` words of a drive of `model` takes.
+fn read_cost(timing: &Timing, model: &Model, count: u16) -> Duration {
+    let wait = turnaround(&model.timing, Class::Read);
+    read_time(timing, count, wait) + longer(timing, model, reply_bytes(count))
+}
+
 fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
     let times = &station.model.timing;
-    let wait = turnaround(times, Class::Read);
     let read = |group: PollGroup| {
-        let cost = read_time(timing, group.count, wait) + longer(timing, station.model, reply_bytes(group.count));
+        let cost = read_cost(timing, station.model, group.count);
         let period = group.period(plan::Pace::new(station.poll, 1.0));
         PlannedRead { group, period, cost, cost_if_delayed: cost + reply_delay(times) }
     };

@@ -6,9 +6,10 @@ use std::time::Duration;
 
 /// Slow period in fast periods.
 pub const SLOW_FACTOR: u32 = 4;
-/// Widest hole between two groups that is read along, in words. Its 16 characters cost less than another exchange: 8
-/// characters of the request, 5 of the reply, at least 3.5 of silence, and the drive's processing time.
-pub const HOLE_MAX: u16 = 8;
+/// Widest hole between two groups that is read along, in words. Its 26 characters cost less than another exchange at 9600
+/// bit/s and above: 8 characters of the request, 5 of the reply, at least 3.5 of silence, and the drive's processing time,
+/// 10 of them where that is not documented.
+pub const HOLE_MAX: u16 = 13;
 
 /// How often a drive is polled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
