@@ -44,6 +44,8 @@ pub enum ConfigPart {
     Mqtt,
     /// A Modbus TCP listener.
     ModbusTcp,
+    /// A serial master.
+    ModbusRtu,
     /// The HTTP listener.
     Http,
 }
@@ -58,6 +60,7 @@ impl ConfigPart {
             Self::Drive => "drive",
             Self::Mqtt => "mqtt",
             Self::ModbusTcp => "modbus_tcp",
+            Self::ModbusRtu => "modbus_rtu",
             Self::Http => "http",
         }
     }
@@ -154,6 +157,10 @@ fn told(old: &Config, new: &Config) -> Vec<ChangeNote> {
     compare(&mut told, ConfigPart::Drive, &drives(old), &drives(new));
     one(&mut told, ConfigPart::Mqtt, old.mqtt.as_ref(), new.mqtt.as_ref());
     compare(&mut told, ConfigPart::ModbusTcp, &listeners(old), &listeners(new));
+    let masters = |config: &Config| -> Named<super::SerialMasterSettings> {
+        config.serial_masters.iter().map(|it| (it.name.to_string(), it.clone())).collect()
+    };
+    compare(&mut told, ConfigPart::ModbusRtu, &masters(old), &masters(new));
     one(&mut told, ConfigPart::Http, old.http.as_ref(), new.http.as_ref());
     told
 }

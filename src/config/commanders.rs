@@ -27,7 +27,8 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
             sparkplug_reaches(&control.value, &file.mqtt, problems);
             page_reaches(&control.value, &file.http, problems);
             // A listener that serves nothing has an invalid list, which is reported separately.
-            let mut serving = file.listeners.iter().zip(served).filter(|(listener, lines)| {
+            let servers = file.units_servers();
+            let mut serving = servers.into_iter().zip(served).filter(|(listener, lines)| {
                 (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, location))
             });
             let is_reached = serving.any(|(listener, _)| may_be_written(listener));
@@ -37,7 +38,7 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
             outlasts(&control.value, file.mqtt.valid().map(|mqtt| &mqtt.value), problems);
         }
     }
-    for (listener, lines) in file.listeners.iter().zip(served) {
+    for (listener, lines) in file.units_servers().into_iter().zip(served) {
         let drives = lines.iter().filter_map(|line| Some((*line, file.lines.get(*line)?)));
         let drives = drives.flat_map(|(index, line)| {
             let drives = line.drives.iter().enumerate();

@@ -27,6 +27,7 @@ pub(super) struct File {
     pub lines: Vec<LineFile>,
     pub mqtt: OptionalKey<MqttFile>,
     pub listeners: Vec<ListenerFile>,
+    pub serial: Vec<SerialFile>,
     pub http: OptionalKey<HttpFile>,
 }
 
@@ -55,6 +56,13 @@ pub(super) struct JournalFile {
     pub location: Location,
     /// In bytes.
     pub max_size: OptionalKey<u64>,
+}
+
+impl File {
+    /// Everything that serves units to Modbus clients: first the listeners, then the serial masters.
+    pub fn units_servers(&self) -> Vec<&ListenerFile> {
+        self.listeners.iter().chain(self.serial.iter().map(|serial| &serial.serving)).collect()
+    }
 }
 
 /// One `[[line]]`.
@@ -282,6 +290,26 @@ pub(super) struct ListenerFile {
     pub tls: OptionalKey<ListenerTlsFile>,
 }
 
+/// One `[[modbus_rtu]]`.
+#[derive(Debug)]
+pub(super) struct SerialFile {
+    pub location: Location,
+    pub name: RequiredKey<CommanderName>,
+    pub port: RequiredKey<PortAddress>,
+    pub baud: RequiredKey<u32>,
+    pub data_bits: OptionalKey<u8>,
+    pub parity: RequiredKey<Parity>,
+    pub stop_bits: OptionalKey<u8>,
+    pub framing: OptionalKey<Framing>,
+    pub direction: OptionalKey<DirectionControl>,
+    pub low_latency: OptionalKey<bool>,
+    pub allow_write: OptionalKey<bool>,
+    pub allow_stop: OptionalKey<bool>,
+    pub answer_within: OptionalKey<Duration>,
+    /// What it serves, in the words of a listener whose one client is this host.
+    pub serving: ListenerFile,
+}
+
 /// `[modbus_tcp.tls]`
 #[derive(Debug)]
 pub(super) struct ListenerTlsFile {
@@ -299,7 +327,7 @@ pub(super) struct RoleFile {
 }
 
 impl ListenerFile {
-    /// The listener's label in messages: its address, or its location if it has none.
+    /// The listener's label in messages: its address, or its location if it has none, as a serial master.
     pub fn label(&self) -> String {
         match &self.listen {
             Some(listen) => format!("the listener {}", listen.value),

@@ -27,6 +27,8 @@ pub enum Section {
     ModbusTcp,
     /// `[modbus_tcp.tls]`
     ModbusTls,
+    /// `[[modbus_rtu]]`
+    ModbusRtu,
     /// `[http]`
     Http,
     /// `[[http.users]]`
@@ -37,7 +39,7 @@ pub enum Section {
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Root,
         Self::Gateway,
         Self::Journal,
@@ -50,6 +52,7 @@ impl Section {
         Self::Sparkplug,
         Self::ModbusTcp,
         Self::ModbusTls,
+        Self::ModbusRtu,
         Self::Http,
         Self::HttpUser,
         Self::HttpTls,
@@ -71,6 +74,7 @@ impl Section {
             Self::Sparkplug => "mqtt.sparkplug",
             Self::ModbusTcp => "modbus_tcp",
             Self::ModbusTls => "modbus_tcp.tls",
+            Self::ModbusRtu => "modbus_rtu",
             Self::Http => "http",
             Self::HttpUser => "http.users",
             Self::HttpTls => "http.tls",
@@ -81,7 +85,7 @@ impl Section {
     #[must_use]
     pub fn header(self) -> String {
         match self {
-            Self::Line | Self::Drive | Self::Register | Self::ModbusTcp | Self::HttpUser => {
+            Self::Line | Self::Drive | Self::Register | Self::ModbusTcp | Self::ModbusRtu | Self::HttpUser => {
                 format!("[[{}]]", self.path())
             }
             _ => format!("[{}]", self.path()),
@@ -152,6 +156,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Root, "line", "tables, at least one", None, "One serial bus each."),
     key(Section::Root, "mqtt", "table", Some("no broker"), "The connection to an MQTT broker."),
     key(Section::Root, "modbus_tcp", "tables", Some("none"), "One Modbus TCP listener each."),
+    key(Section::Root, "modbus_rtu", "tables", Some("none"), "One serial master each, to which the gateway is a slave."),
     key(Section::Root, "http", "table", Some("no listener"), "The HTTP listener."),
 
     key(Section::Gateway, "name", "name", Some("the host's name"), "The name of the gateway in messages and topics."),
@@ -285,6 +290,22 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusTls, "key_file", "absolute path", None, "The key of that certificate."),
     key(Section::ModbusTls, "client_ca_file", "absolute path", None, "The certificate authorities of the clients. Other clients are refused."),
     key(Section::ModbusTls, "roles", "table: role = list of \"write\", \"stop\"", None, "What each role may do besides reading. A role that is not listed may do nothing but read. \"\" is the role of certificates without one."),
+
+    key(Section::ModbusRtu, "name", "name of up to 32 characters", None, "The name of the serial master as the owner of control, in messages and in the audit."),
+    key(Section::ModbusRtu, "port", "absolute path, or \"tcp://host:port\"", None, "The port at which the master is connected; no line and no other master may use it."),
+    key(Section::ModbusRtu, "baud", "bit/s", None, "Speed, as set at the master."),
+    key(Section::ModbusRtu, "data_bits", "7 or 8", Some("8"), "Data bits of a character; 8 with RTU framing."),
+    key(Section::ModbusRtu, "parity", "\"none\", \"even\" or \"odd\"", None, "Parity bit of a character."),
+    key(Section::ModbusRtu, "stop_bits", "1 or 2", Some("1"), "Stop bits of a character."),
+    key(Section::ModbusRtu, "framing", "\"rtu\" or \"ascii\"", Some("\"rtu\""), "The framing that the master uses."),
+    key(Section::ModbusRtu, "rs485", "\"adapter\", \"kernel\" or \"rts\"", Some("\"adapter\""), "What switches the direction of an RS-485 adapter, as for a line."),
+    key(Section::ModbusRtu, "low_latency", "true or false", Some("true"), "Whether to ask the driver to deliver received bytes at once, if it can."),
+    key(Section::ModbusRtu, "lines", "list of line names", Some("all lines"), "The lines whose drives this master reaches."),
+    key(Section::ModbusRtu, "units", "list of units of its drives", Some("all of its lines"), "The units that answer here, native or uniform. Any other unit gets no answer, because it may belong to another slave on the bus. 255, the gateway itself, always answers."),
+    key(Section::ModbusRtu, "allow_write", "true or false", Some("false"), "Whether the master may command and write, if the drive allows it with \"modbus-tcp\" in `from`."),
+    key(Section::ModbusRtu, "allow_stop", "true or false", Some("`allow_write`"), "Whether the master may stop. It must be true if `allow_write` is."),
+    key(Section::ModbusRtu, "reads_renew", "true or false", Some("false"), "Whether reads renew the lease of the master on the drive that it controls."),
+    key(Section::ModbusRtu, "answer_within", "\"20ms\" to \"5s\"", Some("\"100ms\""), "Time from the end of a request within which an exception has been sent if the drive has not answered: 06 to a read, 0B to a write. Set it below the time-out of the master."),
 
     key(Section::Http, "listen", "address:port", None, "Where the page, /metrics, /healthz and /readyz are served."),
     key(Section::Http, "allow", "list of networks", Some("all clients, which are on this host: required unless the address is loopback"), "Who may connect and see everything."),

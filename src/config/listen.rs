@@ -27,7 +27,7 @@ pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<u
         listener_tls::check(listener, problems);
         times(listener, problems);
     }
-    file.listeners.iter().map(|listener| served(file, listener, problems)).collect()
+    file.units_servers().iter().map(|listener| served(file, listener, problems)).collect()
 }
 
 fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> BTreeSet<usize> {
@@ -152,7 +152,7 @@ fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
 
 /// Each listed unit belongs to a drive that the listener serves.
 pub(super) fn units_exist(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
-    for (listener, lines) in file.listeners.iter().zip(served) {
+    for (listener, lines) in file.units_servers().iter().zip(served) {
         let Some(listed) = listener.units.valid() else { continue };
         if listed.value.is_empty() {
             let problem = listed.location.problem("an empty list of units serves no drive");

@@ -34,8 +34,10 @@ mod read;
 pub mod ready;
 mod ready_broker;
 mod ready_http;
+mod ready_serial;
 mod resolve;
 mod secrets;
+mod serial;
 #[cfg(test)]
 mod tests;
 pub mod units;
@@ -48,6 +50,7 @@ pub use control::why_not as why_not_controlled;
 pub use http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
+pub use ready_serial::SerialMasterSettings;
 pub use ready::{
     BEHIND_A_BRIDGE, BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings,
     JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,

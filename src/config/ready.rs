@@ -4,6 +4,7 @@ pub use super::ready_broker::{
     BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
 };
 use super::ready_http::HttpSettings;
+use super::ready_serial::SerialMasterSettings;
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
@@ -31,6 +32,8 @@ pub struct Config {
     pub lines: Vec<LineSettings>,
     /// The Modbus TCP listeners, in the order of the file; may be none.
     pub listeners: Vec<ListenerSettings>,
+    /// The serial masters, in the order of the file; may be none.
+    pub serial_masters: Vec<SerialMasterSettings>,
     /// The broker connection, if there is one.
     pub mqtt: Option<MqttSettings>,
     /// The HTTP listener, if there is one.

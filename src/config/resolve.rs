@@ -9,7 +9,7 @@ use super::ready::{
     Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, Removal, Silence,
 };
 use super::units::{self, Units};
-use super::{commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, watchdog};
+use super::{commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, serial, watchdog};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
@@ -68,7 +68,8 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
             }
         }));
     }
-    let listeners = file.listeners.iter().zip(served).map(|(listener, served)| ready_listener(listener, served));
+    let listeners = file.listeners.iter().zip(&served).map(|(it, served)| ready_listener(it, served.clone()));
+    let serial_masters = serial::settle(file, &served[file.listeners.len().min(served.len())..], problems);
     let journal = whole(&file.journal, |journal| ready_journal(journal, file, problems));
     Some(Config {
         journal: journal?.unwrap_or_default(),
@@ -79,6 +80,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
         },
         lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,
+        serial_masters: serial_masters?,
         mqtt: mqtt?,
         http: http?,
         // Computed from the text, which is not known here.
@@ -144,9 +146,12 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     let line_names = file.lines.iter().filter_map(|line| line.name.as_ref());
     let drive_names = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.name.as_ref());
     let ports = file.lines.iter().filter_map(|line| line.port.as_ref());
+    let ports = ports.chain(file.serial.iter().filter_map(|serial| serial.port.as_ref()));
+    let master_names = file.serial.iter().filter_map(|serial| serial.name.as_ref());
+    once(master_names, |name| format!("the name `{name}`"), "a name that no other serial master uses", problems);
     once(line_names, |name| format!("the name `{name}`"), "a name that no other line uses", problems);
     once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway uses", problems);
-    let right = "a different port; drives on one bus belong to one line";
+    let right = "a different port; drives on one bus belong to one line, and a serial master has a port of its own";
     once(ports, |port| format!("the port {port}"), right, problems);
     let model_dirs = file.gateway.model_dirs.valid().map_or(&[][..], |dirs| &dirs.value);
     for (at, dir) in model_dirs.iter().enumerate() {

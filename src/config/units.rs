@@ -21,7 +21,8 @@ pub(super) struct Units {
 /// The units of each drive of each line, in the order of the file.
 /// `served` holds, per listener of `file`, the indices of the lines it serves.
 pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec<Problem>) -> Vec<Vec<Units>> {
-    let shared = shared_lines(served, &file.listeners);
+    let servers = file.units_servers();
+    let shared = shared_lines(served, &servers);
     let mut free = Free::new(file, &shared);
     let units: Vec<Vec<Units>> = file
         .lines
@@ -40,11 +41,11 @@ pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec
 }
 
 /// The lines that share a listener with another line, each with the first such listener.
-fn shared_lines<'a>(served: &[BTreeSet<usize>], listeners: &'a [ListenerFile]) -> BTreeMap<usize, &'a ListenerFile> {
+fn shared_lines<'a>(served: &[BTreeSet<usize>], listeners: &[&'a ListenerFile]) -> BTreeMap<usize, &'a ListenerFile> {
     let mut shared = BTreeMap::new();
     for (lines, listener) in served.iter().zip(listeners).filter(|(lines, _)| lines.len() > 1) {
         for line in lines {
-            shared.entry(*line).or_insert(listener);
+            shared.entry(*line).or_insert(*listener);
         }
     }
     shared

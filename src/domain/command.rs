@@ -163,6 +163,8 @@ pub enum Owner {
     ModbusTcp(IpAddr),
     /// A Modbus TCP client by the subject of its certificate, wherever it connects from.
     ModbusSecurity(CommanderName),
+    /// The serial master at the port of this `[[modbus_rtu]]`.
+    ModbusRtu(CommanderName),
     /// Any client that may publish to the command topics.
     Mqtt,
     /// Any client that may publish to the command topics of this name.
@@ -189,6 +191,7 @@ impl fmt::Display for Owner {
         match self {
             Self::ModbusTcp(address) => write!(f, "modbus-tcp {address}"),
             Self::ModbusSecurity(name) => write!(f, "modbus-security {name}"),
+            Self::ModbusRtu(name) => write!(f, "modbus-rtu {name}"),
             Self::Mqtt => f.write_str("mqtt"),
             Self::MqttBy(name) => write!(f, "mqtt {name}"),
             Self::Page(name) => write!(f, "page {name}"),

@@ -44,7 +44,8 @@ impl ReplyCounts {
 }
 
 /// The sources of commands, in the order of [`CommandCounts`].
-pub const COMMAND_SOURCES: [&str; 6] = ["modbus-tcp", "modbus-security", "mqtt", "local", "page", "sparkplug"];
+pub const COMMAND_SOURCES: [&str; 7] =
+    ["modbus-tcp", "modbus-security", "mqtt", "local", "page", "sparkplug", "modbus-rtu"];
 
 const fn source(owner: &Owner) -> usize {
     match owner {
@@ -54,6 +55,7 @@ const fn source(owner: &Owner) -> usize {
         Owner::Local => 3,
         Owner::Page(_) => 4,
         Owner::Sparkplug => 5,
+        Owner::ModbusRtu(_) => 6,
     }
 }
 

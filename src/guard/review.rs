@@ -212,11 +212,11 @@ fn ends_a_reset(order: &Order) -> bool {
     }
 }
 
-/// A stop through Modbus TCP depends on the listener's `stop` alone, whichever interfaces may command the drive.
+/// A stop through Modbus depends on the listener's right to stop alone, whichever interfaces may command the drive.
 fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Result<(), Report> {
     let stops = order.is_stop();
     let allowed = match owner {
-        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => control.from_modbus_tcp || stops,
+        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) | Owner::ModbusRtu(_) => control.from_modbus_tcp || stops,
         Owner::Mqtt | Owner::MqttBy(_) => control.from_mqtt,
         Owner::Page(_) => control.from_page,
         Owner::Sparkplug => control.from_sparkplug,

@@ -84,6 +84,7 @@ pub fn owner(text: &str) -> Option<Owner> {
         None if text == "sparkplug" => Some(Owner::Sparkplug),
         Some(("modbus-tcp", address)) => address.parse().ok().map(Owner::ModbusTcp),
         Some(("modbus-security", name)) => CommanderName::new(name).map(Owner::ModbusSecurity),
+        Some(("modbus-rtu", name)) => CommanderName::new(name).map(Owner::ModbusRtu),
         Some(("mqtt", name)) => CommanderName::new(name).map(Owner::MqttBy),
         Some(("page", name)) => CommanderName::new(name).map(Owner::Page),
         _ => None,
@@ -132,6 +133,7 @@ mod tests {
             Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
             Owner::ModbusTcp("fd00::1".parse().unwrap()),
             Owner::ModbusSecurity(by),
+            Owner::ModbusRtu(by),
             Owner::Page(by),
             // A name may look like an address; it is no owner's but that of the certificate.
             Owner::ModbusSecurity(CommanderName::new("10.0.0.7").unwrap()),

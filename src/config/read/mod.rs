@@ -3,6 +3,7 @@
 mod control;
 mod mqtt;
 mod network;
+mod serial;
 mod tables;
 
 use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile};
@@ -51,6 +52,7 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
         lines: each(&mut reader, "line", read_line),
         mqtt: inner(&mut reader, "mqtt", mqtt::read_mqtt),
         listeners: each(&mut reader, "modbus_tcp", network::read_listener),
+        serial: each(&mut reader, "modbus_rtu", serial::read_serial),
         http: inner(&mut reader, "http", network::read_http),
     };
     // A gateway that is set up in the page begins without a line.

@@ -128,7 +128,7 @@ fn read_allow(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<IpNet>> {
 }
 
 /// Every number of this kind is a valid unit.
-fn read_units(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<UnitId>>> {
+pub(super) fn read_units(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<UnitId>>> {
     turned(reader.list("units", &Kind::number(UnitId::MIN..=UnitId::MAX)), |units| {
         let unit = |it: Spanned<u8>| Some(Spanned { value: UnitId::new(it.value)?, location: it.location });
         units.into_iter().map(unit).collect()

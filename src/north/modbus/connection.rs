@@ -25,7 +25,7 @@ pub struct Call {
     pub unit: u8,
     /// The request.
     pub ask: Ask,
-    /// When the client gets exception 0B if there is no answer yet.
+    /// When the client gets exception 0B if there is no answer yet; for a read maybe sooner, see [`Limits`].
     pub deadline: MonoTime,
 }
 
@@ -317,6 +317,8 @@ impl Connection {
         let unit = message.unit;
         let form = Form::of(&ask);
         self.pending.push(Pending { ticket, deadline, transaction: message.transaction, unit, form, is_extra });
+        let for_read = now + self.limits.read_within;
+        let deadline = if ask.writes() { deadline } else { deadline.min(for_read) };
         self.calls.push_back(Call { ticket, unit, ask, deadline });
     }
 

@@ -19,6 +19,9 @@ pub struct Limits {
     /// The deadline of each call, from the arrival of its last byte. Default 5 s: clients usually give up after 1 to 5
     /// s, and an answer that no client awaits should not occupy a line.
     pub answer_within: Duration,
+    /// The same for a read on its way to a drive, if that is shorter: a serial master has given up sooner, and a read
+    /// for nobody should not occupy a line.
+    pub read_within: Duration,
 }
 
 impl Limits {
@@ -33,6 +36,7 @@ impl Default for Limits {
             body_timeout: Duration::from_secs(5),
             idle_timeout: Some(Self::IDLE_TIMEOUT),
             answer_within: Duration::from_secs(5),
+            read_within: Duration::from_secs(5),
         }
     }
 }

@@ -19,6 +19,7 @@ pub mod native;
 pub mod own;
 mod refusal;
 mod request;
+pub mod serial;
 pub mod sheet;
 mod slots;
 mod taken;

@@ -138,7 +138,7 @@ fn owner_class(owner: Owner, client: Owner) -> u16 {
     match owner {
         _ if owner == client => 3,
         Owner::Mqtt | Owner::MqttBy(_) => 1,
-        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) => 2,
+        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) | Owner::ModbusRtu(_) => 2,
         Owner::Local => 4,
         Owner::Page(_) => 5,
         Owner::Sparkplug => 6,

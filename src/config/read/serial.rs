@@ -1,0 +1,85 @@
+//! The tables of serial masters: `[[modbus_rtu]]`.
+
+use super::super::file::{ListenerFile, SerialFile};
+use super::super::keys::Section;
+use super::super::words::DIRECTION_CONTROLS;
+use super::network::read_units;
+use super::tables::refuse_not_served;
+use crate::domain::ids::CommanderName;
+use crate::toml_file::values::Kind;
+use crate::toml_file::words::{FRAMINGS, PARITIES};
+use crate::toml_file::{OptionalKey, Reader, Spanned};
+use ipnet::{IpNet, Ipv4Net};
+use std::net::Ipv4Addr;
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+const ANSWER_WITHIN: RangeInclusive<Duration> = Duration::from_millis(20)..=Duration::from_secs(5);
+/// The one client of a serial port, in the words of a listener: it needs no address, and comes from this host.
+const HERE: IpNet = IpNet::V4(Ipv4Net::new_assert(Ipv4Addr::LOCALHOST, 32));
+
+/// One `[[modbus_rtu]]`.
+pub(super) fn read_serial(mut reader: Reader<'_, '_>) -> SerialFile {
+    refuse_not_served(&mut reader, Section::ModbusRtu);
+    let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", CommanderName::MAX_CHARS);
+    let name = reader.required("name", &Kind::parsed(right, CommanderName::new));
+    let port = super::read_port(&mut reader);
+    let baud = reader.required("baud", &Kind::number(super::BAUD));
+    let data_bits = reader.optional("data_bits", &Kind::number(7..=8));
+    let parity = reader.required("parity", &Kind::one_of(&PARITIES));
+    let stop_bits = reader.optional("stop_bits", &Kind::number(1..=2));
+    let framing = reader.optional("framing", &Kind::one_of(&FRAMINGS));
+    let direction = reader.optional("rs485", &Kind::one_of(&DIRECTION_CONTROLS));
+    let low_latency = reader.optional("low_latency", &Kind::flag());
+    let lines = reader.list("lines", &Kind::text());
+    let units = read_units(&mut reader);
+    let allow_write = reader.optional("allow_write", &Kind::flag());
+    let allow_stop = reader.optional("allow_stop", &Kind::flag());
+    let reads_renew = reader.optional("reads_renew", &Kind::flag());
+    let answer_within = reader.optional("answer_within", &Kind::duration(ANSWER_WITHIN));
+    let serving = ListenerFile {
+        location: reader.location().clone(),
+        listen: None,
+        allow: OptionalKey::Absent,
+        lines,
+        write: as_networks(&allow_write),
+        stop: as_networks(&allow_stop),
+        reads_renew,
+        units,
+        connections_max: OptionalKey::Absent,
+        priority: OptionalKey::Absent,
+        idle_timeout: OptionalKey::Absent,
+        keep_alive: OptionalKey::Absent,
+        tls: OptionalKey::Absent,
+    };
+    let location = reader.location().clone();
+    reader.finish();
+    SerialFile {
+        location,
+        name,
+        port,
+        baud,
+        data_bits,
+        parity,
+        stop_bits,
+        framing,
+        direction,
+        low_latency,
+        allow_write,
+        allow_stop,
+        answer_within,
+        serving,
+    }
+}
+
+/// A right of the one client as a list of networks.
+fn as_networks(given: &OptionalKey<bool>) -> OptionalKey<Vec<Spanned<IpNet>>> {
+    match given {
+        OptionalKey::Absent => OptionalKey::Absent,
+        OptionalKey::Invalid => OptionalKey::Invalid,
+        OptionalKey::Valid(Spanned { value, location }) => {
+            let here = value.then(|| Spanned { value: HERE, location: location.clone() });
+            OptionalKey::Valid(Spanned { value: here.into_iter().collect(), location: location.clone() })
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Serial masters: their link, and the time that they leave for an answer.
+
+use super::file::{File, SerialFile};
+use super::lists;
+use super::ready::{ListenerSettings, PortAddress};
+use super::ready_serial::SerialMasterSettings;
+use crate::domain::link::{DirectionControl, Framing, LinkSettings};
+use crate::domain::problem::Problem;
+use crate::north::modbus::serial;
+use crate::toml_file::OptionalKey;
+use crate::toml_file::values::duration_text;
+use std::collections::BTreeSet;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+/// What masters usually wait for.
+const DEFAULT_ANSWER_WITHIN: Duration = Duration::from_millis(100);
+
+/// The ready serial masters; `served` holds the indices of the lines that each reaches. `None`: see `problems`.
+pub(super) fn settle(
+    file: &File,
+    served: &[BTreeSet<usize>],
+    problems: &mut Vec<Problem>,
+) -> Option<Vec<SerialMasterSettings>> {
+    let ready: Vec<_> = file.serial.iter().zip(served).map(|(serial, lines)| one(serial, lines, problems)).collect();
+    ready.into_iter().collect()
+}
+
+fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>) -> Option<SerialMasterSettings> {
+    may_stop(serial, problems);
+    let framing = serial.framing.or(Framing::Rtu);
+    if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (&serial.data_bits, framing)
+        && bits.value != 8
+    {
+        problems.push(bits.location.problem("RTU frames need 8 data bits").right("8, or leave it out"));
+        return None;
+    }
+    let is_tcp = matches!(&serial.port, Some(port) if matches!(port.value, PortAddress::Tcp { .. }));
+    if let Some(direction) = serial.direction.valid().filter(|_| is_tcp) {
+        let what = "has no effect: the direction is turned by the serial device server, not from here";
+        problems.push(direction.location.problem(what).right("leave it out").warning());
+    }
+    let link = LinkSettings {
+        baud: serial.baud.as_ref()?.value,
+        data_bits: serial.data_bits.or(8)?,
+        parity: serial.parity.as_ref()?.value,
+        stop_bits: serial.stop_bits.or(1)?,
+    };
+    let answer_within = serial.answer_within.or(DEFAULT_ANSWER_WITHIN)?;
+    let least = serial::least_answer_within(link, framing?);
+    if answer_within < least {
+        let location = match &serial.answer_within {
+            OptionalKey::Valid(written) => written.location.clone(),
+            _ => serial.location.missing("answer_within"),
+        };
+        let what = format!(
+            "{} is too short at {link}: the silence before an exception and the exception itself take longer",
+            duration_text(answer_within)
+        );
+        let rounded = Duration::from_millis(u64::try_from(least.as_millis()).unwrap_or(u64::MAX).saturating_add(1));
+        problems.push(location.problem(what).right(format!("at least \"{}\"", duration_text(rounded))));
+        return None;
+    }
+    let direction = serial.direction.or(DirectionControl::Adapter)?;
+    Some(SerialMasterSettings {
+        name: serial.name.as_ref()?.value,
+        port: serial.port.as_ref()?.value.clone(),
+        link,
+        framing: framing?,
+        direction: if is_tcp { DirectionControl::Adapter } else { direction },
+        low_latency: serial.low_latency.or(true)?,
+        answer_within,
+        serving: serving(serial, lines)?,
+    })
+}
+
+/// Who may start must be allowed to stop.
+fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
+    if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) = (&serial.allow_write, &serial.allow_stop)
+        && write.value
+        && !stop.value
+    {
+        let problem = stop.location.problem("a master that may start must be allowed to stop");
+        problems.push(problem.right("true, or leave it out"));
+    }
+}
+
+fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSettings> {
+    let file = &serial.serving;
+    Some(ListenerSettings {
+        listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        allow: None,
+        lines: file.lines.clone().optional()?.map(|_| lines.iter().copied().collect()),
+        write: lists::values(&file.write)?,
+        stop: match &file.stop {
+            OptionalKey::Absent => None,
+            given => Some(lists::values(given)?),
+        },
+        reads_renew: file.reads_renew.or(false)?,
+        units: match &file.units {
+            OptionalKey::Absent => None,
+            given => Some(lists::values(given)?),
+        },
+        connections_max: None,
+        priority: lists::values(&file.write)?,
+        idle_timeout: None,
+        keep_alive: None,
+        tls: None,
+    })
+}

@@ -1,0 +1,225 @@
+//! Tables of bytes and times through the machine of a serial slave.
+
+use super::*;
+use crate::domain::link::Parity;
+
+const LINK: LinkSettings = LinkSettings { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: 1 };
+/// 3.5 characters of ten bits at 9600 bit/s.
+const SILENCE_NS: u64 = 3_645_834;
+
+const fn at(us: u64) -> MonoTime {
+    MonoTime::from_nanos(1_000_000_000 + us * 1000)
+}
+
+fn slave(framing: Framing) -> Slave {
+    let settings = SlaveSettings { link: LINK, framing, answer_within: Duration::from_millis(100), is_paced: true };
+    Slave::new(settings, at(0))
+}
+
+fn ours(unit: u8) -> bool {
+    [1, 101].contains(&unit)
+}
+
+fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    rtu::encode(&mut out, unit, |out| out.extend_from_slice(pdu));
+    out
+}
+
+fn text(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    ascii::encode(&mut out, unit, |out| out.extend_from_slice(pdu));
+    out
+}
+
+const READ: [u8; 5] = [3, 0, 0, 0, 1];
+const REPLY: [u8; 4] = [3, 2, 0, 7];
+const WRITE: [u8; 5] = [6, 1, 0, 0, 1];
+
+/// A slave that has taken `pdu` at 10 ms, with the request.
+fn asked(pdu: &[u8]) -> (Slave, SlaveRequest) {
+    let mut slave = slave(Framing::Rtu);
+    slave.received(at(10_000), &frame(1, pdu), &ours);
+    slave.tick(at(13_700), &ours);
+    let request = slave.next_request().unwrap();
+    (slave, request)
+}
+
+#[test]
+fn a_request_ends_with_silence_and_is_answered_at_once() {
+    let mut slave = slave(Framing::Rtu);
+    slave.received(at(10_000), &frame(1, &READ), &ours);
+    assert_eq!(slave.next_request(), None, "more bytes may follow");
+    assert_eq!(slave.next_wake(), Some(MonoTime::from_nanos(at(10_000).as_nanos() + SILENCE_NS)));
+    slave.tick(at(13_600), &ours);
+    assert_eq!(slave.next_request(), None);
+    slave.tick(at(13_700), &ours);
+    let request = slave.next_request().unwrap();
+    assert_eq!((request.unit, request.pdu.as_slice()), (1, &READ[..]));
+    assert_eq!(slave.next_frame(at(13_700)), None);
+    slave.answer(request.number, &REPLY);
+    assert_eq!(slave.next_frame(at(13_800)), Some(frame(1, &REPLY)));
+    assert_eq!(slave.next_frame(at(13_900)), None, "once");
+}
+
+#[test]
+fn what_is_not_for_the_gateway_gets_no_answer() {
+    for (bytes, counters) in [
+        (frame(7, &READ), SlaveCounters { foreign: 1, ..SlaveCounters::default() }),
+        (frame(0, &WRITE), SlaveCounters { broadcasts: 1, ..SlaveCounters::default() }),
+        (vec![1, 3, 0, 0, 0, 1, 0, 0], SlaveCounters { damaged: 1, ..SlaveCounters::default() }),
+        (vec![0xFF], SlaveCounters { damaged: 1, ..SlaveCounters::default() }),
+    ] {
+        let mut slave = slave(Framing::Rtu);
+        slave.received(at(10_000), &bytes, &ours);
+        slave.tick(at(50_000), &ours);
+        slave.tick(at(200_000), &ours);
+        assert_eq!((slave.next_request(), slave.next_frame(at(200_000))), (None, None), "{bytes:02X?}");
+        assert_eq!(slave.counters(), &counters, "{bytes:02X?}");
+        slave.received(at(300_000), &frame(1, &READ), &ours);
+        slave.tick(at(304_000), &ours);
+        assert!(slave.next_request().is_some(), "after {bytes:02X?}");
+    }
+}
+
+#[test]
+fn a_request_behind_noise_and_one_in_pieces_are_taken() {
+    let noisy = [&[0xFF, 0][..], &frame(1, &READ)].concat();
+    let mut slave = slave(Framing::Rtu);
+    slave.received(at(10_000), &noisy, &ours);
+    slave.tick(at(14_000), &ours);
+    assert!(slave.next_request().is_some());
+    let whole = frame(101, &WRITE);
+    slave.received(at(60_000), &whole[..3], &ours);
+    slave.received(at(76_000), &whole[3..], &ours);
+    slave.tick(at(80_000), &ours);
+    assert_eq!(slave.next_request().map(|it| it.unit), Some(101), "an adapter delivers after 16 ms");
+    slave.received(at(200_000), &whole[..3], &ours);
+    slave.received(at(221_000), &whole[3..], &ours);
+    slave.tick(at(300_000), &ours);
+    assert_eq!(slave.next_request(), None, "no adapter pauses for 21 ms");
+}
+
+#[test]
+fn without_an_answer_an_exception_is_sent_in_time_and_the_answer_never() {
+    for (pdu, code) in [(&READ[..], 6), (&WRITE, 0x0B), (&[4, 0, 0, 0, 1], 6), (&[0x10, 0, 0, 0, 1, 2, 0, 1], 0x0B)] {
+        let (mut slave, request) = asked(pdu);
+        let due = slave.next_wake().unwrap();
+        let end = due + LINK.bytes(5);
+        assert!(end <= at(110_000) && end >= at(105_000), "{due:?}");
+        assert_eq!(slave.next_frame(due), Some(frame(1, &[pdu[0] | 0x80, code])));
+        slave.answer(request.number, &REPLY);
+        assert_eq!(slave.next_frame(at(160_000)), None);
+        slave.received(at(170_000), &frame(1, &READ), &ours);
+        slave.tick(at(174_000), &ours);
+        let next = slave.next_request().unwrap();
+        slave.answer(request.number, &REPLY);
+        assert_eq!(slave.next_frame(at(174_000)), None, "the answer to another question");
+        slave.answer(next.number, &REPLY);
+        assert_eq!(slave.next_frame(at(174_100)), Some(frame(1, &REPLY)));
+        let counters = SlaveCounters { requests: 2, not_in_time: 1, late: 2, ..SlaveCounters::default() };
+        assert_eq!(slave.counters(), &counters);
+    }
+}
+
+#[test]
+fn a_new_frame_ends_the_wait_for_the_answer_before_it() {
+    let (mut slave, first) = asked(&READ);
+    slave.received(at(40_000), &frame(7, &READ), &ours);
+    slave.tick(at(44_000), &ours);
+    slave.answer(first.number, &REPLY);
+    assert_eq!(slave.next_frame(at(60_000)), None, "the bus is in use by others");
+    assert_eq!(slave.next_frame(at(200_000)), None);
+}
+
+#[test]
+fn noise_delays_a_reply_until_silence_and_never_past_its_time() {
+    let (mut slave, request) = asked(&READ);
+    slave.answer(request.number, &REPLY);
+    slave.received(at(13_750), &[0xAA], &ours);
+    assert_eq!(slave.next_frame(at(14_000)), None);
+    assert_eq!(slave.next_frame(at(17_500)), Some(frame(1, &REPLY)));
+    let (mut slave, request) = asked(&READ);
+    slave.answer(request.number, &REPLY);
+    for ms in 14..120 {
+        slave.received(at(ms * 1000), &[0xAA], &ours);
+        assert_eq!(slave.next_frame(at(ms * 1000 + 500)), None);
+    }
+    assert_eq!(slave.next_frame(at(130_000)), None);
+}
+
+#[test]
+fn an_echo_of_a_reply_is_no_request() {
+    let (mut slave, request) = asked(&WRITE);
+    slave.answer(request.number, &WRITE);
+    let reply = slave.next_frame(at(13_800)).unwrap();
+    // The reply to a write is the same as the request.
+    slave.received(at(16_000), &reply[..2], &ours);
+    slave.received(at(23_000), &reply[2..], &ours);
+    slave.tick(at(30_000), &ours);
+    assert_eq!(slave.next_request(), None);
+    slave.received(at(60_000), &frame(1, &WRITE), &ours);
+    slave.tick(at(64_000), &ours);
+    assert!(slave.next_request().is_some(), "the master repeats it");
+}
+
+#[test]
+fn a_frame_that_begins_during_a_reply_is_not_taken() {
+    let (mut slave, request) = asked(&READ);
+    slave.answer(request.number, &REPLY);
+    slave.next_frame(at(13_800)).unwrap();
+    slave.received(at(15_000), &frame(101, &WRITE), &ours);
+    slave.tick(at(40_000), &ours);
+    assert_eq!(slave.next_request(), None);
+    assert_eq!(slave.counters().collisions, 1);
+    slave.received(at(60_000), &frame(101, &WRITE), &ours);
+    slave.tick(at(64_000), &ours);
+    assert!(slave.next_request().is_some());
+}
+
+#[test]
+fn a_request_right_after_a_reply_is_taken() {
+    let (mut slave, request) = asked(&READ);
+    slave.answer(request.number, &REPLY);
+    slave.next_frame(at(13_800)).unwrap();
+    slave.received(at(26_000), &frame(1, &READ), &ours);
+    slave.tick(at(30_000), &ours);
+    assert!(slave.next_request().is_some());
+}
+
+#[test]
+fn ascii_frames_end_by_their_mark() {
+    let mut slave = slave(Framing::Ascii);
+    let request = text(1, &READ);
+    slave.received(at(10_000), &request[..4], &ours);
+    slave.received(at(500_000), &request[4..], &ours);
+    let asked = slave.next_request().unwrap();
+    slave.answer(asked.number, &REPLY);
+    assert_eq!(slave.next_frame(at(509_000)), None, "10 ms lie between frames");
+    assert_eq!(slave.next_frame(at(510_000)), Some(text(1, &REPLY)));
+    let mut spoilt = request.clone();
+    spoilt[4] = b'9';
+    slave.received(at(700_000), &spoilt, &ours);
+    assert_eq!((slave.next_request(), slave.counters().damaged), (None, 1));
+    slave.received(at(800_000), &request, &ours);
+    assert!(slave.next_request().is_some());
+}
+
+#[test]
+fn a_babbling_node_cannot_fill_the_memory() {
+    for framing in [Framing::Rtu, Framing::Ascii] {
+        let mut slave = slave(framing);
+        for step in 0..1000 {
+            slave.received(at(10_000 + step), &[b':'; 100], &ours);
+        }
+        assert!(slave.bytes.len() <= KEPT_MAX);
+    }
+}
+
+#[test]
+fn the_least_time_leaves_room_for_silence_and_exception() {
+    assert!(least_answer_within(LINK, Framing::Rtu) < Duration::from_millis(20));
+    let slow = LinkSettings { baud: 300, ..LINK };
+    assert!(least_answer_within(slow, Framing::Rtu) > Duration::from_millis(100));
+    assert_eq!(silence(LinkSettings { baud: 115_200, ..LINK }, Framing::Rtu), SILENCE_FAST);
+}
