@@ -10,15 +10,15 @@ use super::log::complain;
 use super::{Failure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{
-    Config, DriveSettings, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress, SparkplugSettings,
-    line_plan,
+    Config, DriveSettings, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress,
+    SerialMasterSettings, SparkplugSettings, line_plan,
 };
 use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
 use crate::line::budget::{ASSUMED_TURNAROUND, Refresh};
-use crate::toml_file::words::{INTERFACES, word_for};
+use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use ipnet::IpNet;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -98,9 +98,28 @@ fn report(config: &Config) -> String {
     text + &beside_modbus(config)
 }
 
+fn of_master(master: &SerialMasterSettings) -> String {
+    let framing = word_for(&FRAMINGS, &master.framing);
+    let may = match (master.serving.write.is_empty(), master.serving.stop.as_ref()) {
+        (false, _) => "may write",
+        (true, Some(stop)) if !stop.is_empty() => "may read and stop",
+        _ => "may read",
+    };
+    format!(
+        "serial master {} at {} ({} {framing}): {may}; answered within {} ms",
+        master.name,
+        master.port,
+        master.link,
+        master.answer_within.as_millis()
+    )
+}
+
 /// The ways in beside Modbus TCP, a row each.
 fn beside_modbus(config: &Config) -> String {
     let mut text = String::new();
+    for master in &config.serial_masters {
+        let _ = writeln!(text, "{}", of_master(master));
+    }
     if let Some(mqtt) = &config.mqtt {
         let _ = writeln!(text, "{}", of_mqtt(mqtt, config));
         if let Some(sparkplug) = &mqtt.sparkplug {

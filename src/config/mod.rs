@@ -50,12 +50,12 @@ pub use control::why_not as why_not_controlled;
 pub use http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
-pub use ready_serial::SerialMasterSettings;
 pub use ready::{
     BEHIND_A_BRIDGE, BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings,
     JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,
     Silence, SparkplugSettings, TlsSettings, command_deadline,
 };
+pub use ready_serial::SerialMasterSettings;
 pub use secrets::without_secrets;
 
 use crate::domain::problem::Problem;

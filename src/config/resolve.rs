@@ -9,7 +9,9 @@ use super::ready::{
     Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, Removal, Silence,
 };
 use super::units::{self, Units};
-use super::{commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, serial, watchdog};
+use super::{
+    commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, serial, watchdog,
+};
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};

@@ -14,6 +14,7 @@ pub mod journal;
 pub mod line_thread;
 pub mod lines;
 pub mod local;
+pub mod modbus_rtu;
 pub mod modbus_server;
 pub mod mqtt;
 pub mod port;

@@ -11,6 +11,7 @@ mod stream;
 
 pub use listener::Listener;
 pub use security::Security;
+pub use stream::Master;
 
 use crate::daemon::exchange::answers::{AnswerBox, News};
 use crate::daemon::exchange::inbox::Message;
@@ -120,6 +121,12 @@ impl Server {
         self
     }
 
+    /// What all connections have counted.
+    #[must_use]
+    pub const fn totals(&self) -> &Arc<ModbusTotals> {
+        &self.totals
+    }
+
     /// Applies to every connection what its listener grants now, before its next request, and closes those that are no
     /// longer allowed.
     pub fn review(&self) {
@@ -157,6 +164,14 @@ impl Server {
         self.begin(source, Stream::Tool(sink), peer, None, Rc::clone(listener), seat);
     }
 
+    /// Serves a serial master behind `stream`, with what `listener` grants to this host.
+    pub fn serve_master(self: &Rc<Self>, stream: UnixStream, master: Master, listener: &Rc<Listener>) {
+        let peer = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let Some(seat) = self.seat(peer.ip(), listener) else { return };
+        let (source, sink) = stream.into_split();
+        self.begin(source, Stream::Master(sink, master), peer, None, Rc::clone(listener), seat);
+    }
+
     /// Serves a client, `proven` if its listener requires authentication.
     fn begin(
         self: &Rc<Self>,
@@ -168,10 +183,15 @@ impl Server {
         seat: Seat,
     ) {
         let asker = seat.asker;
-        let machine = RefCell::new(Connection::new(Limits::default(), clock::now()));
-        let owner = match &proven {
-            None => Owner::ModbusTcp(peer.ip().to_canonical()),
-            Some(proven) => Owner::ModbusSecurity(proven.certificate.name),
+        let limits = match &stream {
+            Stream::Master(_, master) => Limits { read_within: master.answer_within, ..Limits::default() },
+            _ => Limits::default(),
+        };
+        let machine = RefCell::new(Connection::new(limits, clock::now()));
+        let owner = match (&proven, &stream) {
+            (_, Stream::Master(_, master)) => Owner::ModbusRtu(master.name),
+            (None, _) => Owner::ModbusTcp(peer.ip().to_canonical()),
+            (Some(proven), _) => Owner::ModbusSecurity(proven.certificate.name),
         };
         let client = Rc::new(Client {
             asker,

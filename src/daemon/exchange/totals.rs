@@ -1,6 +1,7 @@
 //! What the north sides have counted since start, for health and metrics.
 
 use crate::north::modbus::Counters;
+use crate::north::modbus::serial::SlaveCounters;
 use crate::north::mqtt::Counters as Counts;
 use crate::north::sparkplug::Counters as SparkplugCounts;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -18,6 +19,19 @@ pub struct ModbusTotals {
     replies: AtomicU64,
     exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
     attempts_lost: AtomicU64,
+    serial: SerialTotals,
+}
+
+/// Counts of all serial masters' ports since start.
+#[derive(Debug, Default)]
+struct SerialTotals {
+    requests: AtomicU64,
+    not_in_time: AtomicU64,
+    late: AtomicU64,
+    damaged: AtomicU64,
+    foreign: AtomicU64,
+    broadcasts: AtomicU64,
+    collisions: AtomicU64,
 }
 
 impl ModbusTotals {
@@ -54,6 +68,37 @@ impl ModbusTotals {
         self.attempts_lost.fetch_add(now.attempts_lost.wrapping_sub(before.attempts_lost), Ordering::Relaxed);
         for (total, (before, now)) in self.exceptions.iter().zip(before.exceptions.iter().zip(&now.exceptions)) {
             total.fetch_add(now.wrapping_sub(*before), Ordering::Relaxed);
+        }
+    }
+
+    /// Adds what one serial port counted between `before` and `now`.
+    pub fn add_serial(&self, before: &SlaveCounters, now: &SlaveCounters) {
+        let serial = &self.serial;
+        for (total, before, now) in [
+            (&serial.requests, before.requests, now.requests),
+            (&serial.not_in_time, before.not_in_time, now.not_in_time),
+            (&serial.late, before.late, now.late),
+            (&serial.damaged, before.damaged, now.damaged),
+            (&serial.foreign, before.foreign, now.foreign),
+            (&serial.broadcasts, before.broadcasts, now.broadcasts),
+            (&serial.collisions, before.collisions, now.collisions),
+        ] {
+            total.fetch_add(now.wrapping_sub(before), Ordering::Relaxed);
+        }
+    }
+
+    /// What all serial ports have counted.
+    #[must_use]
+    pub fn serial(&self) -> SlaveCounters {
+        let serial = &self.serial;
+        SlaveCounters {
+            requests: serial.requests.load(Ordering::Relaxed),
+            not_in_time: serial.not_in_time.load(Ordering::Relaxed),
+            late: serial.late.load(Ordering::Relaxed),
+            damaged: serial.damaged.load(Ordering::Relaxed),
+            foreign: serial.foreign.load(Ordering::Relaxed),
+            broadcasts: serial.broadcasts.load(Ordering::Relaxed),
+            collisions: serial.collisions.load(Ordering::Relaxed),
         }
     }
 

@@ -58,7 +58,8 @@ impl Listener {
         self.settings.replace(None);
     }
 
-    pub(super) fn router(&self) -> Rc<Router> {
+    /// Where its units lead to.
+    pub fn router(&self) -> Rc<Router> {
         Rc::clone(&self.router.borrow())
     }
 

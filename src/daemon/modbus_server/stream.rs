@@ -1,9 +1,11 @@
 //! The stream between a client's socket and its machine: plain, or through TLS.
 
+use crate::domain::ids::CommanderName;
 use crate::north::modbus::Connection;
 use rustls::ServerConnection;
 use std::cell::RefCell;
 use std::io::{self, IoSlice, Read, Write};
+use std::time::Duration;
 use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::unix;
 
@@ -18,8 +20,19 @@ pub(super) enum Stream {
     Plain(OwnedWriteHalf),
     /// Plain, to a tool in this process.
     Tool(unix::OwnedWriteHalf),
+    /// Plain, to the thread of a serial port.
+    Master(unix::OwnedWriteHalf, Master),
     /// Through TLS.
     Secured(Box<SecuredStream>),
+}
+
+/// The master at a serial port.
+#[derive(Clone, Copy, Debug)]
+pub struct Master {
+    /// Its name, by which it owns control.
+    pub name: CommanderName,
+    /// How long it waits.
+    pub answer_within: Duration,
 }
 
 /// A socket with its TLS session.
@@ -36,7 +49,7 @@ impl Stream {
     /// The client ended the session, or the bytes are not valid TLS.
     pub fn open(&self, bytes: &[u8], mut take: impl FnMut(&[u8])) -> io::Result<()> {
         match self {
-            Self::Plain(_) | Self::Tool(_) => {
+            Self::Plain(_) | Self::Tool(_) | Self::Master(..) => {
                 take(bytes);
                 Ok(())
             }
@@ -51,7 +64,7 @@ impl Stream {
     pub fn flush(&self, machine: &mut Connection) -> io::Result<()> {
         match self {
             Self::Plain(socket) => write_output(machine, |bytes| socket.try_write(bytes)),
-            Self::Tool(socket) => write_output(machine, |bytes| socket.try_write(bytes)),
+            Self::Tool(socket) | Self::Master(socket, _) => write_output(machine, |bytes| socket.try_write(bytes)),
             Self::Secured(secured) => secured.flush(machine),
         }
     }
@@ -59,7 +72,7 @@ impl Stream {
     /// Whether bytes wait for the socket beside the output of the machine.
     pub fn wants_write(&self) -> bool {
         match self {
-            Self::Plain(_) | Self::Tool(_) => false,
+            Self::Plain(_) | Self::Tool(_) | Self::Master(..) => false,
             Self::Secured(secured) => secured.session.borrow().wants_write(),
         }
     }
@@ -71,7 +84,7 @@ impl Stream {
     pub async fn writable(&self) -> io::Result<()> {
         match self {
             Self::Plain(socket) => socket.writable().await,
-            Self::Tool(socket) => socket.writable().await,
+            Self::Tool(socket) | Self::Master(socket, _) => socket.writable().await,
             Self::Secured(secured) => secured.socket.writable().await,
         }
     }

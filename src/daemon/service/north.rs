@@ -14,7 +14,9 @@ use crate::daemon::http::report;
 use crate::daemon::http::{self, Control, Documents, Front, State, socket::OwnSocket};
 use crate::daemon::journal::Journal;
 use crate::daemon::local::LocalSide;
+use crate::daemon::modbus_rtu::SerialMaster;
 use crate::daemon::modbus_server::{Listener, Security, Server};
+use crate::daemon::service::build;
 use crate::daemon::service::conversations::{BrokerSide, Conversations};
 use crate::daemon::service::north_sides::NorthSides;
 use crate::daemon::service::reload_request::Reloads;
@@ -45,6 +47,8 @@ pub struct Bound {
     front: Front,
     /// Whether the address of the HTTP listener has changed, or the listener was removed.
     has_http_moved: bool,
+    /// Whether anybody but a tool of this process is served.
+    is_bound: bool,
 }
 
 impl Bound {
@@ -75,7 +79,14 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
         Some(http) if has_http_moved => Some(listen(http.listen, Some(http::SEND_BUFFER_BYTES))?),
         _ => None,
     };
-    Ok(Bound { modbus, security: security(config).await?, http, front: front(config).await?, has_http_moved })
+    Ok(Bound {
+        modbus,
+        security: security(config).await?,
+        http,
+        front: front(config).await?,
+        has_http_moved,
+        is_bound: true,
+    })
 }
 
 /// Binds no address of `config`: only a tool of this process is served.
@@ -83,7 +94,7 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
 pub fn unbound(config: &Config) -> Bound {
     let modbus = config.listeners.iter().map(|_| None).collect();
     let security = config.listeners.iter().map(|_| None).collect();
-    Bound { modbus, security, http: None, front: Front::default(), has_http_moved: false }
+    Bound { modbus, security, http: None, front: Front::default(), has_http_moved: false, is_bound: false }
 }
 
 /// The same warning as that of `check`.
@@ -158,6 +169,7 @@ pub struct North {
     units: Units,
     /// In the order of the configuration.
     listeners: Vec<Listening>,
+    serial: Vec<SerialMaster>,
     http: Option<AbortHandle>,
     control: Arc<Control>,
     conversations: Conversations,
@@ -220,9 +232,15 @@ impl North {
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
+        let serial = Vec::new();
         let conversations = Conversations::new(current.clone(), sides, state);
-        let mut north = Self { current, documents, server, units, listeners, http: None, control, conversations };
+        let mut north =
+            Self { current, documents, server, units, listeners, serial, http: None, control, conversations };
+        let is_bound = bound.is_bound;
         north.listen(config, &[], bound);
+        if is_bound {
+            north.serve_masters(config);
+        }
         north.conversations.talk_as(broker_side);
         north
     }
@@ -247,6 +265,7 @@ impl North {
     pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, broker_side: Option<BrokerSide>) {
         self.units = self.units.changed_to(&self.current.get());
         self.listen(config, &change.listeners, bound);
+        self.serve_masters(config);
         self.server.review();
         self.conversations.talk_as(broker_side);
     }
@@ -269,6 +288,33 @@ impl North {
                 tokio::task::spawn_local(http::serve(listener, self.documents.clone(), Arc::clone(&self.control)))
             };
             self.http = bound.http.map(serve).map(|task| task.abort_handle());
+        }
+    }
+
+    /// Serves the serial masters of `config` from now on. A port whose settings stay is not closed.
+    fn serve_masters(&mut self, config: &Config) {
+        let mut old = std::mem::take(&mut self.serial);
+        let mut to_start = Vec::new();
+        for settings in &config.serial_masters {
+            let router = Router::new(&settings.serving, self.units.clone());
+            let Some(at) = old.iter().position(|it| it.settings.has_port_of(settings)) else {
+                to_start.push((settings, Listener::new(settings.serving.clone(), router, None)));
+                continue;
+            };
+            let mut kept = old.swap_remove(at);
+            kept.listener().change(settings.serving.clone(), router, None);
+            kept.changed(settings.clone());
+            self.serial.push(kept);
+        }
+        // Before others begin: they may use the same ports.
+        drop(old);
+        for (settings, listener) in to_start {
+            let dirs = build::lock_dirs(config.gateway.data_dir.as_deref());
+            let totals = Arc::clone(self.server.totals());
+            match SerialMaster::start(settings.clone(), listener, &self.server, totals, dirs) {
+                Ok(started) => self.serial.push(started),
+                Err(error) => tracing::error!(master = %settings.name, %error, "cannot serve a serial master"),
+            }
         }
     }
 

@@ -92,6 +92,27 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
     counter("modbus_closed_early", "Modbus TCP connections closed for want of room or memory.", |modbus| {
         Some(modbus.dismissed())
     }),
+    counter("serial_requests", "Requests of serial masters for units of the gateway.", |modbus| {
+        Some(modbus.serial().requests)
+    }),
+    counter("serial_not_in_time", "Exceptions to serial masters because the answer was not there in time.", |modbus| {
+        Some(modbus.serial().not_in_time)
+    }),
+    counter("serial_late", "Answers that were too late for a serial master and were thrown away.", |modbus| {
+        Some(modbus.serial().late)
+    }),
+    counter("serial_damaged", "Damaged frames and noise at the ports of serial masters.", |modbus| {
+        Some(modbus.serial().damaged)
+    }),
+    counter("serial_foreign", "Frames of other slaves at the ports of serial masters.", |modbus| {
+        Some(modbus.serial().foreign)
+    }),
+    counter("serial_broadcasts", "Broadcasts of serial masters, which are ignored.", |modbus| {
+        Some(modbus.serial().broadcasts)
+    }),
+    counter("serial_collisions", "Bytes of others that arrived during a reply to a serial master.", |modbus| {
+        Some(modbus.serial().collisions)
+    }),
     counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
     counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
     counter(

@@ -1,0 +1,185 @@
+//! Serial masters: a thread per port carries frames between it and the server of Modbus TCP, whose client the master is
+//! from then on. So decoding, rights, leases and counts are the same code.
+
+mod serving;
+
+use crate::config::{PortAddress, SerialMasterSettings};
+use crate::daemon::exchange::totals::ModbusTotals;
+use crate::daemon::host::timer::Timer;
+use crate::daemon::modbus_server::{Listener, Master, Server};
+use crate::daemon::port::{Opener, PortSettings};
+use arc_swap::ArcSwap;
+use serving::{Gone, Task};
+use std::io;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::pin::pin;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio::task::AbortHandle;
+use tokio::time::sleep;
+
+/// First wait before a port is opened again; it doubles up to the longest, as for a line.
+const REOPEN_FIRST: Duration = Duration::from_millis(100);
+/// Longest such wait.
+const REOPEN_MAX: Duration = Duration::from_millis(400);
+/// Connections to the server that wait to be served: a port that is opened again brings one.
+const CONNECTIONS_MAX: usize = 4;
+
+/// The units that answer at a port, by number.
+pub(super) type UnitSet = [bool; 256];
+
+/// A served port. It is closed when this is dropped.
+#[derive(Debug)]
+pub struct SerialMaster {
+    /// Its settings.
+    pub settings: SerialMasterSettings,
+    listener: Rc<Listener>,
+    units: Arc<ArcSwap<UnitSet>>,
+    task: AbortHandle,
+}
+
+impl Drop for SerialMaster {
+    fn drop(&mut self) {
+        self.listener.close();
+        self.task.abort();
+    }
+}
+
+impl SerialMaster {
+    /// Starts the thread of a port whose master `server` serves as `listener` says. Lock files go to `lock_dirs`.
+    ///
+    /// # Errors
+    /// The system's refusal to start a thread.
+    pub fn start(
+        settings: SerialMasterSettings,
+        listener: Rc<Listener>,
+        server: &Rc<Server>,
+        totals: Arc<ModbusTotals>,
+        lock_dirs: Vec<PathBuf>,
+    ) -> io::Result<Self> {
+        let units = Arc::new(ArcSwap::from_pointee(units_of(&listener)));
+        let (connections, mut opened) = mpsc::channel::<UnixStream>(CONNECTIONS_MAX);
+        let port = port_settings(&settings, lock_dirs);
+        let thread = (settings.clone(), Arc::clone(&units));
+        std::thread::Builder::new().name(format!("serial {}", settings.name)).spawn(move || {
+            let (settings, units) = thread;
+            let name = settings.name;
+            if let Err(error) = run(settings, &port, units, connections, totals) {
+                tracing::error!(master = %name, %error, "cannot start the thread of a serial master");
+            }
+        })?;
+        let server = Rc::clone(server);
+        let served = Rc::clone(&listener);
+        let (name, answer_within) = (settings.name, settings.answer_within);
+        let task = tokio::task::spawn_local(async move {
+            while let Some(stream) = opened.recv().await {
+                let stream = stream.set_nonblocking(true).and_then(|()| tokio::net::UnixStream::from_std(stream));
+                match stream {
+                    Ok(stream) => server.serve_master(stream, Master { name, answer_within }, &served),
+                    Err(error) => tracing::error!(master = %name, %error, "cannot serve a serial master"),
+                }
+            }
+        });
+        Ok(Self { settings, listener, units, task: task.abort_handle() })
+    }
+
+    /// Its listener, whose settings may change while the port stays open.
+    #[must_use]
+    pub const fn listener(&self) -> &Rc<Listener> {
+        &self.listener
+    }
+
+    /// Notes that the units of its listener have changed.
+    pub fn changed(&mut self, settings: SerialMasterSettings) {
+        self.settings = settings;
+        self.units.store(Arc::new(units_of(&self.listener)));
+    }
+}
+
+fn units_of(listener: &Listener) -> UnitSet {
+    let router = listener.router();
+    // A broadcast is nobody's request.
+    std::array::from_fn(|unit| unit > 0 && u8::try_from(unit).is_ok_and(|unit| router.find(unit).is_some()))
+}
+
+fn port_settings(settings: &SerialMasterSettings, lock_dirs: Vec<PathBuf>) -> PortSettings {
+    PortSettings {
+        line: settings.name.to_string(),
+        address: settings.port.clone(),
+        link: settings.link,
+        direction: settings.direction,
+        low_latency: settings.low_latency,
+        needs_virtual: false,
+        lock_dirs,
+    }
+}
+
+fn run(
+    settings: SerialMasterSettings,
+    port: &PortSettings,
+    units: Arc<ArcSwap<UnitSet>>,
+    connections: mpsc::Sender<UnixStream>,
+    totals: Arc<ModbusTotals>,
+) -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let ended = runtime.block_on(async {
+        let timer = Timer::new()?;
+        let mut task = Task { settings, units, connections, totals, timer };
+        open_and_serve(port, &mut task).await;
+        Ok(())
+    });
+    // A name lookup in progress must not delay the exit.
+    runtime.shutdown_background();
+    ended
+}
+
+/// Opens the port and serves it, again and again, until nobody takes its connections any more.
+async fn open_and_serve(port: &PortSettings, task: &mut Task) {
+    let ends = task.connections.clone();
+    let mut ended = pin!(ends.closed());
+    let mut opener = Opener::new(port);
+    let mut wait = REOPEN_FIRST;
+    let mut told = String::new();
+    let master = task.settings.name;
+    loop {
+        let opened = tokio::select! {
+            () = &mut ended => return,
+            opened = opener.open() => opened,
+        };
+        match opened {
+            Ok(mut device) => {
+                tracing::info!(%master, port = %port.address, link = %port.link, "serial master served");
+                if let Some(remark) = device.remark() {
+                    tracing::warn!(%master, port = %port.address, "{remark}");
+                }
+                let is_serial = matches!(port.address, PortAddress::Device(_));
+                let (gone, has_heard) = task.serve(&mut device, is_serial).await;
+                match gone {
+                    Gone::Ended => return,
+                    Gone::Lost(error) => tracing::warn!(%master, port = %port.address, %error, "serial master lost"),
+                }
+                if has_heard {
+                    wait = REOPEN_FIRST;
+                    told.clear();
+                }
+            }
+            Err(error) => {
+                let error = opener.explain(&error);
+                if told == error {
+                    tracing::debug!(%master, port = %port.address, error, "cannot open the port; retrying");
+                } else {
+                    tracing::warn!(%master, port = %port.address, error, "cannot open the port; retrying");
+                    told = error;
+                }
+            }
+        }
+        tokio::select! {
+            () = &mut ended => return,
+            () = sleep(wait) => {}
+        }
+        wait = (wait * 2).min(REOPEN_MAX);
+    }
+}
