@@ -70,7 +70,7 @@ fn the_reference_has_every_owner() {
 }
 
 /// One owner of each kind that can hold control.
-fn owners() -> [Owner; 6] {
+fn owners() -> [Owner; 7] {
     let name = CommanderName::new("NAME").unwrap();
     let address = [192, 0, 2, 7].into();
     let owners = [
@@ -78,6 +78,7 @@ fn owners() -> [Owner; 6] {
         Owner::MqttBy(name),
         Owner::ModbusTcp(address),
         Owner::ModbusSecurity(name),
+        Owner::ModbusRtu(name),
         Owner::Page(name),
         Owner::Sparkplug,
     ];
@@ -90,6 +91,7 @@ fn owners() -> [Owner; 6] {
             | Owner::ModbusSecurity(_)
             | Owner::Page(_)
             | Owner::Sparkplug
+            | Owner::ModbusRtu(_)
             | Owner::Local => {}
         }
     }
