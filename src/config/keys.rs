@@ -383,7 +383,7 @@ mod tests {
     fn with_line_in(section: Section, line: &str) -> String {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
-            Section::HttpUser | Section::HttpTls | Section::Sparkplug => {
+            Section::HttpUser | Section::HttpTls | Section::Sparkplug | Section::ModbusRtu => {
                 return format!("{CONTROLLED}{}\n{line}\n", section.header());
             }
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),

@@ -153,7 +153,7 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     once(master_names, |name| format!("the name `{name}`"), "a name that no other serial master uses", problems);
     once(line_names, |name| format!("the name `{name}`"), "a name that no other line uses", problems);
     once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway uses", problems);
-    let right = "a different port; drives on one bus belong to one line, and a serial master has a port of its own";
+    let right = "a different port; drives on one bus belong to one line";
     once(ports, |port| format!("the port {port}"), right, problems);
     let model_dirs = file.gateway.model_dirs.valid().map_or(&[][..], |dirs| &dirs.value);
     for (at, dir) in model_dirs.iter().enumerate() {

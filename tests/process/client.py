@@ -1,8 +1,10 @@
 """Plays an ordinary Modbus TCP client and prints what it got, one JSON object per line.
 
     client.py PORT [--tls DIRECTORY NAME SOURCE] REQUEST...
+    client.py DEVICE [--ascii] REQUEST...
 
 With `--tls` it comes from the address SOURCE with the certificate NAME.pem, whose key is NAME.key, and trusts ca.pem.
+With a serial DEVICE it is a master at 9600 8N1, in RTU unless `--ascii` is given.
 One request `-` takes requests line by line from its input.
 
 A request is `read:UNIT:ADDRESS:COUNT`, with `read_input`, `coils` or `discrete` for the other tables,
@@ -15,7 +17,8 @@ import json
 import ssl
 import sys
 
-from pymodbus.client import ModbusTcpClient, ModbusTlsClient
+from pymodbus import FramerType, ModbusException
+from pymodbus.client import ModbusSerialClient, ModbusTcpClient, ModbusTlsClient
 
 
 def ask(client, request):
@@ -55,7 +58,13 @@ def ask(client, request):
 
 def connect(port, args):
     # No repeats: a test wants to see the first answer, whatever it is.
-    options = {"port": port, "timeout": 6, "retries": 0}
+    options = {"timeout": 6, "retries": 0}
+    if port.startswith("/"):
+        is_ascii = args[:1] == ["--ascii"]
+        framer = FramerType.ASCII if is_ascii else FramerType.RTU
+        client = ModbusSerialClient(port, framer=framer, baudrate=9600, timeout=1, retries=0)
+        return client, args[is_ascii:]
+    options["port"] = int(port)
     if args[:1] != ["--tls"]:
         return ModbusTcpClient("127.0.0.1", **options), args
     _, directory, name, source, *requests = args
@@ -68,11 +77,17 @@ def connect(port, args):
 
 
 def main():
-    client, requests = connect(int(sys.argv[1]), sys.argv[2:])
+    client, requests = connect(sys.argv[1], sys.argv[2:])
     if not client.connect():
         raise SystemExit("cannot connect")
     for request in (line.strip() for line in sys.stdin) if requests == ["-"] else requests:
-        answer = ask(client, request)
+        try:
+            answer = ask(client, request)
+        except ModbusException:
+            if not sys.argv[1].startswith("/"):
+                raise
+            print(json.dumps({"silent": True}), flush=True)
+            continue
         if answer.isError():
             told = {"exception": answer.exception_code}
         elif request.startswith("flags") or (request.startswith("write") and "," in request):
