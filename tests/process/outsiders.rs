@@ -49,6 +49,13 @@ pub fn pymodbus_client(address: SocketAddr, requests: &[&str]) -> Vec<serde_json
     String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
+/// What a pymodbus master at the serial `device` gets as answers to `requests`; see `client.py`.
+pub fn pymodbus_serial(device: &Path, requests: &[&str]) -> Vec<serde_json::Value> {
+    let output = run(Command::new(python()).arg(script("client.py")).arg(device).args(requests));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
 /// A pymodbus client with TLS from the address `source`, whose requests are typed; see `client.py`.
 pub fn pymodbus_tls_client(address: SocketAddr, directory: &Path, name: &str, source: &str) -> Started {
     let mut command = Command::new(python());
