@@ -24,7 +24,7 @@ const ASCII_HOLE: Duration = Duration::from_secs(1);
 /// Longest pause that an adapter may make between bytes of one RTU frame; it also delays an echo by as much.
 const HOLE: Duration = Duration::from_millis(20);
 /// How much sooner than at the last moment an exception is sent: scheduling and adapters need some time.
-const MARGIN: Duration = Duration::from_millis(2);
+const MARGIN: Duration = Duration::from_millis(5);
 /// Most bytes that are kept: two of the longest frames. Further ones push out the oldest.
 const KEPT_MAX: usize = 2 * ascii::MAX_ADU_BYTES;
 /// The address that all slaves hear and none answers.
@@ -99,6 +99,8 @@ struct Open {
     function: u8,
     /// When an exception has to begin.
     due: MonoTime,
+    /// After that nothing is sent any more: the master may ask again.
+    latest: MonoTime,
     answer: Option<Vec<u8>>,
 }
 
@@ -218,7 +220,7 @@ impl Slave {
         }
         let open = self.open.take()?;
         // The bus was busy for so long that the master has given up.
-        if now > open.due + MARGIN {
+        if now > open.latest {
             self.counters.late += u64::from(open.answer.is_some());
             return None;
         }
@@ -342,7 +344,7 @@ impl Slave {
         let wait = self.settings.answer_within;
         let sending = exception_time(self.settings.link, self.settings.framing);
         let due = end + wait.saturating_sub(sending + MARGIN).max(self.silence);
-        self.open = Some(Open { number, unit, function, due, answer: None });
+        self.open = Some(Open { number, unit, function, due, latest: due.max(end + wait), answer: None });
         self.request = Some(SlaveRequest { number, unit, pdu });
     }
 }
