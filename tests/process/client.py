@@ -62,7 +62,7 @@ def connect(port, args):
     if port.startswith("/"):
         is_ascii = args[:1] == ["--ascii"]
         framer = FramerType.ASCII if is_ascii else FramerType.RTU
-        client = ModbusSerialClient(port, framer=framer, baudrate=9600, timeout=1, retries=0)
+        client = ModbusSerialClient(port, framer=framer, baudrate=9600, timeout=4, retries=0)
         return client, args[is_ascii:]
     options["port"] = int(port)
     if args[:1] != ["--tls"]:

@@ -10,6 +10,8 @@ use std::process::Command;
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(20);
+/// A busy host may need longer for an answer than a master usually waits.
+const PATIENT: &str = "answer_within = \"3s\"";
 
 /// A drive that is played, a gateway, and the end of the cable that the master has.
 struct Plant {
@@ -20,8 +22,8 @@ struct Plant {
 }
 
 impl Plant {
-    /// A plant whose drive begins its replies after `turnaround_ms`, with `framing` at the master's port.
-    fn new(turnaround_ms: &str, framing: &str) -> Self {
+    /// A plant whose drive begins its replies after `turnaround_ms`, with these settings of the master's port.
+    fn new(turnaround_ms: &str, settings: &str) -> Self {
         let place = Place::new();
         let line = place.file("line");
         let args =
@@ -38,7 +40,7 @@ impl Plant {
              model = \"hyundai-n700\"\nstation = 1\npoll = \"1s\"\n[line.drive.control]\nfrom = [\"modbus-tcp\"]\n\
              frequency_hz = {{ min = 0.0, max = 50.0 }}\non_commander_lost = \"stop\"\nlost_after = \"60s\"\n\
              on_shutdown = \"stop\"\n[[modbus_rtu]]\nname = \"panel\"\nport = \"{}\"\nbaud = 9600\nparity = \"none\"\n\
-             framing = \"{framing}\"\nallow_write = true\n",
+             {settings}\nallow_write = true\n",
             line.display(),
             place.file("slave").display()
         );
@@ -65,8 +67,11 @@ fn noise(port: &Path, bytes: &[u8]) {
 
 /// Starts the drive, and stops it while it runs.
 fn starts_and_stops(plant: &Plant, more: &[&str]) {
-    let started = plant.ask(more, &["write:101:256:0", "write:101:257:2000", "write:101:256:1"]);
-    assert_eq!(started, [json!({ "words": [0] }), json!({ "words": [2000] }), json!({ "words": [1] })]);
+    assert_eq!(plant.ask(more, &["write:101:256:0"]), [json!({ "words": [0] })]);
+    // Busy, as long as the stop is not seen to be effective.
+    let setpoint = || plant.ask(more, &["write:101:257:2000"]) == [json!({ "words": [2000] })];
+    until("that a setpoint is taken", PATIENCE, || setpoint().then_some(()));
+    assert_eq!(plant.ask(more, &["write:101:256:1"]), [json!({ "words": [1] })]);
     until("that it runs", PATIENCE, || (plant.run_state(more) == 2).then_some(()));
     assert_eq!(plant.ask(more, &["write:101:256:0"]), [json!({ "words": [0] })]);
     until("that it stops", PATIENCE, || (plant.run_state(more) != 2).then_some(()));
@@ -74,7 +79,7 @@ fn starts_and_stops(plant: &Plant, more: &[&str]) {
 
 #[test]
 fn a_serial_master_reads_starts_and_stops_a_drive_between_noise() {
-    let plant = Plant::new("2", "rtu");
+    let plant = Plant::new("2", PATIENT);
     let master = plant.place.file("master");
     let answers = plant.ask(&[], &["read:101:0:2", "read:1:0x0211:1", "read:7:0:1", "read:101:300:1"]);
     assert_eq!(answers[0]["words"][0], 1, "{answers:?}");
@@ -93,22 +98,24 @@ fn a_serial_master_reads_starts_and_stops_a_drive_between_noise() {
 
 #[test]
 fn a_serial_master_may_speak_ascii() {
-    let plant = Plant::new("2", "ascii");
+    let plant = Plant::new("2", &format!("{PATIENT}\nframing = \"ascii\""));
     noise(&plant.place.file("master"), b":0103\r\n:");
     starts_and_stops(&plant, &["--ascii"]);
 }
 
 #[test]
 fn a_slow_line_is_answered_with_busy_and_a_late_answer_never_follows() {
-    let plant = Plant::new("400", "rtu");
+    let plant = Plant::new("400", "");
     let (busy, silent) = (json!({ "exception": 6 }), json!({ "silent": true }));
     let requests = ["read:1:0x0211:1", "read:101:0:1", "read:1:0x0211:1", "read:101:0:1", "read:1:0x0211:1"];
-    let answers = plant.ask(&[], &requests);
     // A host under load may miss the moment of an exception, which is then left out: only silence may stand for it.
-    assert!(answers.contains(&busy), "{answers:?}");
-    for (request, answer) in requests.iter().zip(&answers) {
-        let is_native = request.starts_with("read:1:");
-        let right = if is_native { &busy } else { &json!({ "words": [1] }) };
-        assert!(answer == right || *answer == silent, "{request}: {answers:?}");
-    }
+    until("an exception in time", PATIENCE, || {
+        let answers = plant.ask(&[], &requests);
+        for (request, answer) in requests.iter().zip(&answers) {
+            let is_uniform = request.starts_with("read:101:");
+            let is_answered = is_uniform && *answer == json!({ "words": [1] });
+            assert!(is_answered || *answer == busy || *answer == silent, "{request}: {answers:?}");
+        }
+        answers.contains(&busy).then_some(())
+    });
 }
