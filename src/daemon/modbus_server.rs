@@ -26,7 +26,7 @@ use crate::daemon::service::stall::Stalls;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Limits, Slots, UnsentAttempt};
+use crate::north::modbus::{Commands, Connection, Counters, Slots, UnsentAttempt};
 use admission::{Admission, Dismissal, Seat};
 use certificate::Certificate;
 use handshake::Handshakes;
@@ -183,15 +183,10 @@ impl Server {
         seat: Seat,
     ) {
         let asker = seat.asker;
-        let limits = match &stream {
-            Stream::Master(_, master) => Limits { read_within: master.answer_within, ..Limits::default() },
-            _ => Limits::default(),
-        };
-        let machine = RefCell::new(Connection::new(limits, clock::now()));
-        let owner = match (&proven, &stream) {
-            (_, Stream::Master(_, master)) => Owner::ModbusRtu(master.name),
-            (None, _) => Owner::ModbusTcp(peer.ip().to_canonical()),
-            (Some(proven), _) => Owner::ModbusSecurity(proven.certificate.name),
+        let machine = RefCell::new(Connection::new(stream.limits(), clock::now()));
+        let owner = match &proven {
+            None => stream.owner_at(peer.ip()),
+            Some(proven) => Owner::ModbusSecurity(proven.certificate.name),
         };
         let client = Rc::new(Client {
             asker,

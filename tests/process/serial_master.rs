@@ -91,7 +91,7 @@ fn a_serial_master_reads_starts_and_stops_a_drive_between_noise() {
     noise(&master, &[101, 3, 0, 0, 0, 1, 0, 0]);
     starts_and_stops(&plant, &[]);
     let mut command = Command::new("mbpoll");
-    command.args(["-m", "rtu", "-b", "9600", "-P", "none", "-0", "-1", "-a", "101", "-c", "2"]).arg(&master);
+    command.args(["-m", "rtu", "-b", "9600", "-P", "none", "-0", "-1", "-a", "101", "-r", "0", "-c", "2"]).arg(&master);
     let polled = mbpoll_output(&mut command);
     // Bit 0 of the status says that the drive is online.
     assert!(polled.values.len() == 2 && polled.values[0] & 1 == 1, "{}", polled.text);

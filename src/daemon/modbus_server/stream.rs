@@ -1,10 +1,12 @@
 //! The stream between a client's socket and its machine: plain, or through TLS.
 
+use crate::domain::command::Owner;
 use crate::domain::ids::CommanderName;
-use crate::north::modbus::Connection;
+use crate::north::modbus::{Connection, Limits};
 use rustls::ServerConnection;
 use std::cell::RefCell;
 use std::io::{self, IoSlice, Read, Write};
+use std::net::IpAddr;
 use std::time::Duration;
 use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::unix;
@@ -43,6 +45,22 @@ pub(super) struct SecuredStream {
 }
 
 impl Stream {
+    /// What the client may use.
+    pub fn limits(&self) -> Limits {
+        match self {
+            Self::Master(_, master) => Limits { read_within: master.answer_within, ..Limits::default() },
+            _ => Limits::default(),
+        }
+    }
+
+    /// Who the client is, if it has no certificate and comes from `peer`.
+    pub fn owner_at(&self, peer: IpAddr) -> Owner {
+        match self {
+            Self::Master(_, master) => Owner::ModbusRtu(master.name),
+            _ => Owner::ModbusTcp(peer.to_canonical()),
+        }
+    }
+
     /// Decrypts `bytes` and passes the plain text to `take`, in pieces, including what was left from before.
     ///
     /// # Errors
