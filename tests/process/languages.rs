@@ -69,6 +69,11 @@ fn a_reader_of_german_is_told_everything_in_german_and_commands_with_a_comma() {
     browser.wait_for_text(&in_card(".result"), "abgelehnt: ");
     assert_eq!(left_in_english(&browser), json!([]));
     assert_eq!(browser.complaints(), Vec::<String>::new());
+    // A browser that refuses to keep anything.
+    let refused = "Storage.prototype.getItem = Storage.prototype.setItem = () => { throw new DOMException('no') }; \
+                   return import('/assets/kept.js').then(({ keep, kept }) => \
+                   [kept('x'), keep('x', '1'), kept('x')])";
+    assert_eq!(browser.script(refused), json!([null, null, "1"]));
     // What was chosen stays, and can be taken back.
     browser.reload_past_the_cache();
     browser.wait_for_text(&in_card(".state"), "STÖRUNG");

@@ -6,7 +6,7 @@ use crate::domain::ids::Name;
 use crate::domain::link::Wiring;
 use crate::domain::report::{LineState, REPLY_CLASSES, ReplyReport};
 use crate::drive::snapshot::Presence;
-use crate::north::finding::Finding;
+use crate::north::finding::{self, Finding};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -19,6 +19,7 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
         "line": name.as_str(),
         "state": if is_up { "up" } else { "down" },
         "reason": line.down_reason(),
+        "reason_said": finding::down_reason(line).map(|it| it.document()),
         "port": wiring.port,
         "link": wiring.link.to_string(),
         "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,

@@ -39,7 +39,7 @@ const FILES: [&[File]; 6] = [
     &files!("text/css; charset=utf-8": "page.css", "setup.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
         "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "footer.js", "hold.js",
-        "journal.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js",
+        "journal.js", "kept.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js",
         "session.js", "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js",
         "stream.js", "tabs.js", "texts.js", "ticker.js", "traffic.js", "trend.js", "trip_history.js",
         "uplot.min.js",

@@ -12,6 +12,8 @@ const FIRST_VALUES = 5;
 const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage", "dc_link_voltage", "temperature"];
 
 const AGES_MS = 500;
+/** How soon after a trip the journal is asked. */
+const SETTLE_MS = 1000;
 /** Ages out of sight are drawn once in so many times. */
 const OUT_OF_SIGHT = 10;
 
@@ -228,14 +230,17 @@ class Card {
   /** How often this trip came before, which is looked up once for each trip, where all of the drive is shown. */
   async draw_before(trip) {
     const is_active = trip?.active === true && trip.code !== null;
-    // The journal counts a trip when it has it.
+    // A trip is counted when the journal has it.
     const wanted = is_active ? `${trip.code} ${trip.seen} ${trip.total}` : null;
     if (wanted === this.looked_up || (is_active && !this.is_whole())) return;
     this.looked_up = wanted;
     show(this.before, false);
     if (!is_active) return;
-    const found = await before(this.name, trip.code);
-    if (found === null || wanted !== this.looked_up) return;
+    // The journal needs a moment to have it.
+    await new Promise((done) => setTimeout(done, SETTLE_MS));
+    const is_wanted = () => wanted === this.looked_up;
+    const found = await before(this.name, trip.code, is_wanted);
+    if (found === null || !is_wanted()) return;
     const { count, last_at } = found;
     text(this.before, count === 0 ? t("trip.first") : t("trip.before", { count, last: recent(last_at) }));
     show(this.before, true);

@@ -2,6 +2,7 @@
 
 import { attribute, h, show } from "./dom.js";
 import * as drives from "./drives.js";
+import { keep, kept } from "./kept.js";
 import { t } from "./texts.js";
 
 /** Fewer drives need no choice. */
@@ -57,14 +58,14 @@ function sort() {
 }
 
 function choose() {
-  localStorage.setItem(KEPT, is_rows() ? "cards" : "rows");
+  keep(KEPT, is_rows() ? "cards" : "rows");
   apply();
 }
 
 function is_rows() {
   if (PHONE.matches) return many > 1;
-  const kept = localStorage.getItem(KEPT);
-  return many >= CHOICE_MIN && (kept === null ? many > CARDS_MAX : kept === "rows");
+  const chosen = kept(KEPT);
+  return many >= CHOICE_MIN && (chosen === null ? many > CARDS_MAX : chosen === "rows");
 }
 
 function apply() {

@@ -1,6 +1,7 @@
 // Notifications of the browser, for those who want them: each new problem, while the page is not looked at.
 
 import { attribute, h, show } from "./dom.js";
+import { keep, kept } from "./kept.js";
 import { t } from "./texts.js";
 
 const KEPT = "vfd-gateway-notify";
@@ -19,12 +20,12 @@ export function start(element) {
 }
 
 function is_on() {
-  return localStorage.getItem(KEPT) === "yes" && window.Notification?.permission === "granted";
+  return kept(KEPT) === "yes" && window.Notification?.permission === "granted";
 }
 
 async function choose() {
   const wanted = !is_on() && (await Notification.requestPermission()) === "granted";
-  localStorage.setItem(KEPT, wanted ? "yes" : "no");
+  keep(KEPT, wanted ? "yes" : "no");
   draw();
 }
 

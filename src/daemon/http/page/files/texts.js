@@ -1,6 +1,8 @@
 // Sentences, numbers and times in the language of the reader. A sentence has a key in the catalogue of each language, of
 // which each part of the page fetches the chapter that it shows.
 
+import { keep, kept } from "./kept.js";
+
 /** Languages by their codes. Each has a catalogue. */
 export const LANGUAGES = { en: "English", de: "Deutsch" };
 
@@ -11,14 +13,14 @@ const known = (code) => Object.hasOwn(LANGUAGES, code ?? "");
 const primary = (tag) => tag.split("-")[0].toLowerCase();
 
 /** The language that is shown: the one that was chosen here, else the first of the browser's that has a catalogue. */
-export const language = [localStorage.getItem(KEPT), ...navigator.languages.map(primary)].find(known) ?? "en";
+export const language = [kept(KEPT), ...navigator.languages.map(primary)].find(known) ?? "en";
 
 /** For numbers and dates: the browser's own kind of the language, such as de-CH. */
 export const locale = navigator.languages.find((tag) => primary(tag) === language) ?? language;
 
 /** Shows another language from now on. */
 export function choose(code) {
-  localStorage.setItem(KEPT, code);
+  keep(KEPT, code);
   location.reload();
 }
 

@@ -3,8 +3,16 @@
 const ROWS_MAX = 1000;
 const TIMEOUT_MS = 15_000;
 
-/** The trips of `drive` with this code before the newest: how many, and when the last one was. Null without a journal. */
-export async function before(drive, code) {
+let last = Promise.resolve(null);
+
+/** The trips of `drive` with this code before the newest: how many, and when the last one was. Null without a journal, or
+ * when it is no longer wanted. One is asked for after the other, whatever trips at once: a stop needs a connection too. */
+export function before(drive, code, is_wanted) {
+  last = last.then(() => (is_wanted() ? ask(drive, code) : null));
+  return last;
+}
+
+async function ask(drive, code) {
   const asked = new URLSearchParams({ table: "trips", drive, last: ROWS_MAX });
   try {
     const response = await fetch(`api/v1/journal?${asked}`, { cache: "no-store", signal: AbortSignal.timeout(TIMEOUT_MS) });
