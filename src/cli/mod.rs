@@ -70,7 +70,7 @@ pub struct Cli {
 enum Command {
     /// Try everything on this machine: simulated drives behind a gateway with Modbus TCP, MQTT and a broker
     ///
-    /// It plays a drive of each of five makers in two groups, on lines at real speed, with a page for the user demo, a journal in
+    /// It plays drives of several makers in two groups, on lines at real speed, with a page for the user demo, a journal in
     /// a temporary directory, and a trip of the last drive that is reset at its panel, so that each panel has something to show.
     /// Enter trips the first drive.
     Demo(demo::Args),
