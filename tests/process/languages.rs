@@ -11,6 +11,11 @@ pub fn choose(browser: &Browser, code: &str) {
         "const select = document.querySelector('#language'); select.value = '{code}'; \
          setTimeout(() => select.dispatchEvent(new Event('change')))"
     ));
+    wait_until_shown(browser, code);
+}
+
+/// Waits until the page has its language, and the card of the drive.
+fn wait_until_shown(browser: &Browser, code: &str) {
     browser.wait(&format!(
         "document.documentElement.lang === '{code}' && document.querySelector('{CARD} .stop')?.checkVisibility() === true"
     ));
@@ -76,6 +81,7 @@ fn a_reader_of_german_is_told_everything_in_german_and_commands_with_a_comma() {
     assert_eq!(browser.script(refused), json!([null, null, "1"]));
     // What was chosen stays, and can be taken back.
     browser.reload_past_the_cache();
+    wait_until_shown(&browser, "de");
     browser.wait_for_text(&in_card(".state"), "STÖRUNG");
     choose(&browser, "en");
     browser.wait_for_text(&in_card(".state"), "TRIPPED");
