@@ -9,7 +9,7 @@ use serde_json::json;
 pub fn choose(browser: &Browser, code: &str) {
     browser.script(&format!(
         "const select = document.querySelector('#language'); select.value = '{code}'; \
-         setTimeout(() => select.dispatchEvent(new Event('change')))"
+         select.dispatchEvent(new Event('change'))"
     ));
     wait_until_shown(browser, code);
 }
