@@ -227,7 +227,8 @@ fn welcome(running: &Running<'_>, plant: Plant<'_>) -> String {
          \x20 mosquitto_pub {at_broker} -t vfd/demo/drive/{first}/command -m '{{\"frequency_hz\": 42.5, \"run\": \"forward\"}}'\n\
          \x20 mbpoll -0 -a 101 -t 4 -r 0 -c 16 -p {} {}\n\n\
          Enter trips {first}; trip/reset with the payload reset clears that. {last} trips once after 10 s and is\n\
-         reset at its panel. If the broker ends, every drive is stopped within 5 s. Not a safety function. Ctrl-C stops the drives and ends the demo.\n",
+         reset at its panel. If the broker ends, every drive is stopped within 5 s. Not a safety function.\n\
+         Ctrl-C stops the drives and ends the demo.\n",
         data_dir.display(),
         modbus.port(),
         modbus.ip()

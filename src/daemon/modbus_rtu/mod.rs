@@ -101,7 +101,7 @@ impl SerialMaster {
 
 fn units_of(listener: &Listener) -> UnitSet {
     let router = listener.router();
-    // A broadcast is nobody's request.
+    // A broadcast is not addressed to a unit.
     std::array::from_fn(|unit| unit > 0 && u8::try_from(unit).is_ok_and(|unit| router.find(unit).is_some()))
 }
 
@@ -136,7 +136,7 @@ fn run(
     ended
 }
 
-/// Opens the port and serves it, again and again, until nobody takes its connections any more.
+/// Opens the port and serves it, again and again, until the server stops taking its connections.
 async fn open_and_serve(port: &PortSettings, task: &mut Task) {
     let ends = task.connections.clone();
     let mut ended = pin!(ends.closed());

@@ -27,7 +27,7 @@ const FLOOD_PAUSE: Duration = Duration::from_millis(1);
 
 /// Why a port is not served any more.
 pub(super) enum Gone {
-    /// Nobody takes its connections.
+    /// The server takes no more connections.
     Ended,
     /// The device or the connection to the server is gone.
     Lost(io::Error),
@@ -129,7 +129,7 @@ impl Task {
         }
     }
 
-    /// Waits until something happens. Returns whether nobody takes the port's connections any more.
+    /// Waits until something happens. Returns whether the server has stopped taking the port's connections.
     async fn wait(
         &mut self,
         device: &mut Port,

@@ -5,7 +5,6 @@ use super::function as client;
 use crate::domain::command::{Reason, Report};
 use crate::journal::Tried;
 use crate::wire::exception;
-use crate::wire::pdu::function;
 use std::fmt::Write;
 
 /// An attempt of one client that reached no line.
@@ -49,15 +48,7 @@ impl Ask {
 /// Text for what an invalid request attempts; `None` if its function does not write.
 pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
     let code = *pdu.first()?;
-    let writes = [
-        client::WRITE_COIL,
-        function::WRITE_SINGLE,
-        client::WRITE_COILS,
-        function::WRITE_MULTIPLE,
-        client::MASK_WRITE,
-        client::READ_WRITE,
-    ];
-    if !writes.contains(&code) {
+    if !client::writes(code) {
         return None;
     }
     let mut text = format!("unit {unit}: bytes");

@@ -1,5 +1,7 @@
 //! Function codes that only clients use: the drives are asked with those of [`crate::wire::pdu::function`].
 
+use crate::wire::pdu::function;
+
 /// Read coils.
 pub const READ_COILS: u8 = 0x01;
 /// Read discrete inputs.
@@ -18,3 +20,11 @@ pub const ENCAPSULATED: u8 = 0x2B;
 pub const DEVICE_IDENTIFICATION: u8 = 0x0E;
 /// The word that switches a coil on; 0 switches it off.
 pub const COIL_ON: u16 = 0xFF00;
+
+/// Whether a function writes, alone or beside a read.
+pub const fn writes(code: u8) -> bool {
+    matches!(
+        code,
+        WRITE_COIL | function::WRITE_SINGLE | WRITE_COILS | function::WRITE_MULTIPLE | MASK_WRITE | READ_WRITE
+    )
+}

@@ -20,7 +20,7 @@ pub struct Limits {
     /// s, and an answer that no client awaits should not occupy a line.
     pub answer_within: Duration,
     /// The same for a read on its way to a drive, if that is shorter: a serial master has given up sooner, and a read
-    /// for nobody should not occupy a line.
+    /// that no client awaits should not occupy a line.
     pub read_within: Duration,
 }
 

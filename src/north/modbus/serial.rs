@@ -326,7 +326,7 @@ impl Slave {
 
     /// Takes a sound frame whose last byte arrived at `end`.
     fn take_frame(&mut self, end: MonoTime, unit: u8, pdu: Vec<u8>, is_ours: &dyn Fn(u8) -> bool) {
-        // Whoever sends no longer waits for the answer to what was asked before.
+        // A master that sends no longer waits for an earlier answer.
         self.open = None;
         self.request = None;
         if unit == BROADCAST {
@@ -349,17 +349,10 @@ impl Slave {
     }
 }
 
-/// The exception for a request without an answer in time. A read may be repeated; what became of a write is unknown.
+/// The exception for a request without an answer in time. A read may be repeated; a write may
+/// still be executed.
 fn code_for(code: u8) -> u8 {
-    let writes = [
-        client::WRITE_COIL,
-        function::WRITE_SINGLE,
-        client::WRITE_COILS,
-        function::WRITE_MULTIPLE,
-        client::MASK_WRITE,
-        client::READ_WRITE,
-    ];
-    if writes.contains(&code) { exception::GATEWAY_TARGET_FAILED } else { exception::SERVER_DEVICE_BUSY }
+    if client::writes(code) { exception::GATEWAY_TARGET_FAILED } else { exception::SERVER_DEVICE_BUSY }
 }
 
 /// Length of the request frame that begins with `adu`, where its function tells.
