@@ -15,6 +15,7 @@ pub mod steps;
 #[cfg(test)]
 pub mod testing;
 pub mod trips;
+pub mod usage;
 pub mod view;
 pub mod warnings;
 pub mod watchdog;

@@ -1,6 +1,7 @@
 //! The view of one drive for the north interfaces. It is replaced as a whole whenever something changes.
 
 use super::snapshot::{DriveSnapshot, Presence};
+use super::usage::UsageView;
 use super::watchdog::WatchdogView;
 use crate::domain::address::Address;
 use crate::domain::command::{Owner, Report, RunIntent};
@@ -28,6 +29,8 @@ pub struct DriveView {
     pub control: Option<ControlView>,
     /// The drive's own watchdog; `None` if the model has none.
     pub watchdog: Option<WatchdogView>,
+    /// What it has used.
+    pub usage: UsageView,
 }
 
 impl DriveView {

@@ -187,6 +187,11 @@ impl LineCore {
             Input::Command(command) => self.on_command(now, &command),
             Input::PathAlive(owner) => self.drives.works_mut().for_each(|work| work.path_alive(owner, now)),
             Input::PathOpened(_) => self.drives.works_mut().for_each(DriveWork::new_epoch),
+            Input::ResetUsage(drive, owner) => {
+                if let Some(drive) = self.drives.get_mut(drive) {
+                    drive.work.reset_usage(owner, &mut self.effects);
+                }
+            }
             Input::Shutdown => {
                 for work in self.drives.works_mut() {
                     work.shut_down(now, &mut self.effects);

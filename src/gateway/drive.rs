@@ -76,6 +76,7 @@ impl DriveOnLine {
             trip_kept: work.trips_kept().clone(),
             control: work.control_view(),
             watchdog: work.watchdog().view(),
+            usage: work.usage_view(),
         }
     }
 
@@ -222,6 +223,9 @@ impl DriveOnLine {
         }
         let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
         self.work.take_words(address, words, reading, now, effects);
+        if reading.is_its_own {
+            self.work.take_usage(&self.snapshot, read_at, effects);
+        }
         if let Some(changed) = self.work.take_changed_basis() {
             self.plan.ask_for(changed, now);
         }

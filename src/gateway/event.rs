@@ -32,6 +32,8 @@ pub enum Input<'a> {
     PathAlive(Owner),
     /// The connection of this client was reopened: what it issued before is stale.
     PathOpened(Owner),
+    /// The sums of what this drive has used are set back to 0.
+    ResetUsage(DriveIndex, Owner),
     /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
     /// The line ends by a change of the configuration: from now on only stops are accepted. A drive in use is stopped if

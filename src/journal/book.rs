@@ -2,6 +2,7 @@
 //! and returns what is to be written; while writing is impossible, it keeps the newest.
 
 use super::audit::{Audit, Lost};
+use super::days::{Day, Days};
 use super::entry::{Attempt, Entry};
 use super::record::{LeaseChange, Record};
 use super::remembered::{Remembered, RememberedLease};
@@ -11,7 +12,9 @@ use crate::domain::calendar::rfc3339;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::DriveDescription;
-use crate::drive::view::TripEvent;
+use crate::drive::usage::{UsagePart, UsageParts, UsageView};
+use crate::drive::view::{TripEvent, TripEventKind};
+use crate::profile::scale::Decimal;
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -43,6 +46,11 @@ pub struct Book {
     memory: BTreeMap<Name, Remembered>,
     /// The drives whose memory is to be written.
     touched: BTreeSet<Name>,
+    /// The drives whose memory is to be written for what they have used alone, since then: that may wait.
+    used: BTreeSet<Name>,
+    used_since: Option<MonoTime>,
+    /// What was used on each day.
+    pub days: Days,
     /// The drives whose memory is to be removed.
     forgotten: BTreeSet<Name>,
     lost: u64,
@@ -60,8 +68,8 @@ impl Book {
 
     /// Takes an entry of the line `source` about `drive`.
     pub fn take(&mut self, source: u64, drive: &DriveDescription, at: MonoTime, entry: Entry, label: &Label<'_>) {
-        let lease_before = self.remember(&drive.name, &entry);
         let moment = label(at);
+        let lease_before = self.remember(&drive.name, at, moment, &entry);
         match entry {
             Entry::Attempt(attempt) => self.attempt(source, Some(&drive.name), at, &attempt, label),
             Entry::Ended { attempt, report } => self.audit.end(at, (source, attempt), report),
@@ -80,7 +88,14 @@ impl Book {
                     self.audit.add(at, Record::of_lease(moment, &drive.name, owner, change), None);
                 }
             }
-            Entry::Baseline(_) | Entry::ResetWord { .. } | Entry::StopPending { .. } | Entry::StopOver { .. } => {}
+            Entry::UsageReset { owner } => {
+                self.audit.add(at, Record::of_usage_reset(moment, &drive.name, owner), None);
+            }
+            Entry::Baseline(_)
+            | Entry::ResetWord { .. }
+            | Entry::StopPending { .. }
+            | Entry::StopOver { .. }
+            | Entry::Usage(_) => {}
         }
     }
 
@@ -91,13 +106,23 @@ impl Book {
     }
 
     fn trip(&mut self, drive: &DriveDescription, event: &TripEvent, label: &Label<'_>) {
-        let body = trip::event(drive, &|at| rfc3339(label(at)), event);
+        let mut body = trip::event(drive, &|at| rfc3339(label(at)), event);
+        if matches!(event.kind, TripEventKind::Tripped { .. }) {
+            body.insert("running_hours".to_owned(), self.running_hours(drive).into());
+        }
         let kind = trip::kind(&event.kind);
         self.events.push_back(NewEvent { drive: drive.name.clone(), at: label(event.at), kind, body });
         if self.events.len() > EVENTS_MAX {
             self.events.pop_front();
             self.lost += 1;
         }
+    }
+
+    /// How long the motor of `drive` has run; `None` if that is not known.
+    fn running_hours(&self, drive: &DriveDescription) -> Option<f64> {
+        let totals = self.memory.get(&drive.name)?.usage.totals;
+        let usage = UsageView { parts: UsageParts::of(&drive.model), totals };
+        usage.value(UsagePart::RunningHours).map(Decimal::value)
     }
 
     /// Takes an availability row.
@@ -110,15 +135,25 @@ impl Book {
     }
 
     /// Updates the remembered state; returns the lease remembered before.
-    fn remember(&mut self, name: &Name, entry: &Entry) -> Option<RememberedLease> {
+    fn remember(&mut self, name: &Name, at: MonoTime, moment: WallTime, entry: &Entry) -> Option<RememberedLease> {
         self.forgotten.remove(name);
         let memory = self.memory.entry(name.clone()).or_default();
         let before = *memory;
         memory.take(entry);
-        if *memory != before {
+        if let Entry::Usage(usage) = entry {
+            self.days.add(name, Day::of(moment), usage.totals.since(&before.usage.totals));
+            self.used.insert(name.clone());
+            self.used_since.get_or_insert(at);
+        } else if *memory != before {
             self.touched.insert(name.clone());
         }
         before.lease
+    }
+
+    /// Since when what drives have used is waiting, if it is.
+    #[must_use]
+    pub const fn used_since(&self) -> Option<MonoTime> {
+        self.used_since
     }
 
     /// Marks the leases left by an earlier run as orphaned, so that they get their time only once.
@@ -137,6 +172,7 @@ impl Book {
     pub fn forget(&mut self, name: &Name) {
         if self.memory.remove(name).is_some() {
             self.touched.remove(name);
+            self.used.remove(name);
             self.forgotten.insert(name.clone());
         }
     }
@@ -149,6 +185,7 @@ impl Book {
     /// Marks all memory as to be written, because the stored one is gone.
     pub fn touch_all(&mut self) {
         self.touched = self.memory.keys().cloned().collect();
+        self.days.touch_all();
     }
 
     /// All remembered state, by drive name.
@@ -159,7 +196,7 @@ impl Book {
 
     /// The memory to be written, by drive name.
     pub fn memory(&self) -> impl Iterator<Item = (&Name, &Remembered)> {
-        self.touched.iter().filter_map(|name| self.memory.get_key_value(name))
+        self.touched.union(&self.used).filter_map(|name| self.memory.get_key_value(name))
     }
 
     /// Waiting trip events, oldest first.
@@ -181,7 +218,8 @@ impl Book {
     /// The number of waiting rows.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.audit.len() + self.events.len() + self.availability.len() + self.touched.len() + self.forgotten.len()
+        let memory = self.touched.len() + self.used.len() + self.forgotten.len();
+        self.audit.len() + self.events.len() + self.availability.len() + memory + self.days.len()
     }
 
     /// Whether no row is waiting.
@@ -204,6 +242,9 @@ impl Book {
         self.events.clear();
         self.availability.clear();
         self.touched.clear();
+        self.used.clear();
+        self.used_since = None;
+        self.days.written();
         self.forgotten.clear();
         rows
     }

@@ -7,6 +7,7 @@ use crate::domain::control::FailSafe;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
+use crate::drive::usage::KeptUsage;
 use crate::drive::view::TripEvent;
 
 /// The number of a row among those of one line in one run of the gateway, from 1. Rows are stored in the order of their
@@ -76,6 +77,13 @@ pub enum Entry {
     },
     /// The drive went online or offline.
     Presence(Presence),
+    /// What the drive has used so far.
+    Usage(KeptUsage),
+    /// These sums are set back to 0.
+    UsageReset {
+        /// Who has requested it.
+        owner: Owner,
+    },
 }
 
 /// Why a declared action runs.

@@ -3,8 +3,10 @@
 use super::entry::Entry;
 use super::remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
 use super::words;
+use crate::drive::usage::{KeptUsage, UsageTotals};
 use crate::drive::view::TripEventKind;
 use serde_json::{Value, json};
+use std::time::Duration;
 
 impl Remembered {
     /// Applies `entry`.
@@ -24,6 +26,8 @@ impl Remembered {
             Entry::StopPending { coast } => self.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => self.stop = None,
             Entry::ResetWord { may_stand } => self.reset = *may_stand,
+            Entry::Usage(usage) => self.usage = *usage,
+            Entry::UsageReset { .. } => self.usage.totals = UsageTotals::default(),
             Entry::Attempt(_) | Entry::Ended { .. } | Entry::FailSafe { .. } | Entry::Presence(_) => {}
         }
     }
@@ -31,12 +35,15 @@ impl Remembered {
     /// The JSON form.
     #[must_use]
     pub fn to_json(&self) -> String {
+        let mut usage = totals_to_json(&self.usage.totals);
+        usage["counter_mj"] = self.usage.counter_mj.into();
         json!({
             "trips": self.trips.map(|it| json!({ "count": it.count, "held": it.held, "code": it.code })),
             "trips_total": self.trips_total,
             "last_code": self.last_code,
             "lease": self.lease.map(|it| json!({ "owner": it.owner.to_string(), "was_orphaned": it.was_orphaned })),
             "reset": self.reset,
+            "usage": usage,
             "stop": self.stop.map(|stop| if stop.coast { "coast" } else { "stop" }),
         })
         .to_string()
@@ -56,10 +63,14 @@ impl Remembered {
             let owner = words::owner(it["owner"].as_str()?)?;
             Some(RememberedLease { owner, was_orphaned: it["was_orphaned"].as_bool()? })
         };
+        let trips_total = u32::try_from(value["trips_total"].as_u64()?).ok()?;
+        let usage = |it: &Value| KeptUsage { totals: totals(it), counter_mj: it["counter_mj"].as_u64() };
+        // Earlier versions summed up trips only.
+        let trips_only = KeptUsage { totals: UsageTotals { trips: trips_total, ..UsageTotals::default() }, counter_mj: None };
         let there = |key: &str| Some(&value[key]).filter(|it| !it.is_null());
         Some(Self {
             trips: there("trips").map(trips),
-            trips_total: u32::try_from(value["trips_total"].as_u64()?).ok()?,
+            trips_total,
             last_code: word(&value["last_code"]),
             lease: match there("lease") {
                 Some(written) => Some(lease(written)?),
@@ -68,7 +79,32 @@ impl Remembered {
             stop: there("stop").map(|stop| RememberedStop { coast: stop == "coast" }),
             // Earlier versions did not write it.
             reset: value["reset"].as_bool().unwrap_or(false),
+            usage: there("usage").map_or(trips_only, usage),
         })
+    }
+}
+
+/// The JSON form of sums.
+#[must_use]
+pub fn totals_to_json(totals: &UsageTotals) -> Value {
+    json!({
+        "energy_mj": totals.energy_mj,
+        "running_ms": u64::try_from(totals.running.as_millis()).unwrap_or(u64::MAX),
+        "starts": totals.starts,
+        "trips": totals.trips,
+    })
+}
+
+/// Sums from their JSON form; 0 for each that it does not have.
+#[must_use]
+pub fn totals(of: &Value) -> UsageTotals {
+    let number = |key: &str| of[key].as_u64().unwrap_or(0);
+    let count = |key: &str| u32::try_from(number(key)).unwrap_or(u32::MAX);
+    UsageTotals {
+        energy_mj: number("energy_mj"),
+        running: Duration::from_millis(number("running_ms")),
+        starts: count("starts"),
+        trips: count("trips"),
     }
 }
 
@@ -89,6 +125,15 @@ mod tests {
             lease: Some(lease),
             stop: Some(RememberedStop { coast: true }),
             reset: true,
+            usage: KeptUsage {
+                totals: UsageTotals {
+                    energy_mj: u64::MAX,
+                    running: Duration::from_millis(1_234_567),
+                    starts: 4,
+                    trips: 5,
+                },
+                counter_mj: Some(6),
+            },
         };
         let stop = Some(RememberedStop { coast: false });
         for memory in [Remembered::default(), whole, Remembered { stop, ..Remembered::default() }] {

@@ -3,11 +3,12 @@
 //!
 //! `entry` is what lines report, `remembered` what they get at start. `book` holds what is waiting to be written:
 //! attempts in `audit`, each a `record`, equal ones counted together by `merge`; trips in the form of `trip`;
-//! availability. `row` is the form of a table row, with its CRC, `memory` that of the remembered state of a drive, and
+//! availability; what was used on each day in `days`. `row` is the form of a table row, with its CRC, `memory` that of the remembered state of a drive, and
 //! `policy` decides what is deleted when the journal is full.
 
 pub mod audit;
 pub mod book;
+pub mod days;
 pub mod entry;
 mod memory;
 pub mod merge;
@@ -24,6 +25,7 @@ mod tests;
 
 pub use book::{Book, NewEvent};
 pub use entry::{Attempt, AttemptId, Cause, Entry, Keep, RowNumber, Tried};
+pub use crate::drive::usage::KeptUsage;
 pub use remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
 pub use row::{Row, Table};
 pub use stored::StoredEvent;

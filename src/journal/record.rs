@@ -46,6 +46,8 @@ pub enum RecordKind {
     StopGivenUp,
     /// The holder of control changed, or there is none any more.
     Lease(LeaseChange),
+    /// The sums of what the drive has used were set back to 0.
+    UsageReset,
 }
 
 /// How control changed hands.
@@ -96,6 +98,7 @@ impl RecordKind {
             Self::FailSafe(_) => "failsafe",
             Self::StopGivenUp => "stop_given_up",
             Self::Lease(_) => "lease",
+            Self::UsageReset => "usage_reset",
         }
     }
 }
@@ -138,6 +141,13 @@ impl Record {
         Self { kind, by: Some(owner), is_stop: false, ..Self::of_gateway(at, name) }
     }
 
+    /// The record of sums that `owner` has set back to 0.
+    #[must_use]
+    pub fn of_usage_reset(at: WallTime, name: &Name, owner: Owner) -> Self {
+        let tried = "reset usage".to_owned();
+        Self { kind: RecordKind::UsageReset, by: Some(owner), tried, is_stop: false, ..Self::of_gateway(at, name) }
+    }
+
     fn of_gateway(at: WallTime, name: &Name) -> Self {
         Self {
             number: 0,
@@ -175,7 +185,7 @@ impl Record {
                     say("from", from.to_string().into());
                 }
             }
-            RecordKind::StopGivenUp => {}
+            RecordKind::StopGivenUp | RecordKind::UsageReset => {}
         }
         if let Some(holder) = self.report.and_then(|report| report.holder) {
             say("holder", holder.to_string().into());

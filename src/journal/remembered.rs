@@ -2,6 +2,7 @@
 
 use crate::domain::command::Owner;
 pub use crate::drive::trips::TripBaseline;
+use crate::drive::usage::KeptUsage;
 
 /// The remembered state of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,6 +19,8 @@ pub struct Remembered {
     pub stop: Option<RememberedStop>,
     /// Whether its run command may hold the reset word.
     pub reset: bool,
+    /// What it has used.
+    pub usage: KeptUsage,
 }
 
 /// A lease that was not ended.

@@ -90,6 +90,17 @@ pub fn memory_crc(name: &str, body: &str) -> u32 {
     digest.finalize()
 }
 
+/// The CRC over what the drive called `name` used on `day`.
+#[must_use]
+pub fn day_crc(name: &str, day: i32, body: &str) -> u32 {
+    let mut digest = CRC.digest();
+    digest.update(&day.to_le_bytes());
+    digest.update(name.as_bytes());
+    digest.update(&[0]);
+    digest.update(body.as_bytes());
+    digest.finalize()
+}
+
 /// A drive went online or offline; `None` while that is not known.
 #[must_use]
 pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {

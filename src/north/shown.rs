@@ -6,10 +6,13 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::{Presence, ValueReading};
+use crate::drive::usage::{EnergySource, UsagePart};
 use crate::drive::view::{DriveView, RunState};
 use crate::drive::warnings;
 use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register};
+use crate::profile::scale::Decimal;
+use serde_json::{Value, json};
 use std::time::Duration;
 
 /// How reliable a value is.
@@ -33,6 +36,19 @@ impl Freshness {
             Self::Never => "never",
         }
     }
+}
+
+/// What a drive has used; `null` for each sum that it does not have.
+#[must_use]
+pub fn usage(view: &DriveView) -> Value {
+    let value = |part| view.usage.value(part).map(Decimal::value);
+    json!({
+        "energy_kwh": value(UsagePart::Energy),
+        "energy_from": view.usage.parts.energy.map(EnergySource::word),
+        "running_hours": value(UsagePart::RunningHours),
+        "starts": value(UsagePart::Starts).map(|it| it as u64),
+        "trips": value(UsagePart::Trips).map(|it| it as u64),
+    })
 }
 
 /// Why a command or a read ended so, in plain words and, if the drive answered with an exception, in its vendor's.

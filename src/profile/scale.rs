@@ -74,6 +74,12 @@ pub struct Decimal {
 }
 
 impl Decimal {
+    /// `steps` of the last of this many decimals.
+    #[must_use]
+    pub const fn new(steps: i64, digits: u8) -> Self {
+        Self { steps, digits }
+    }
+
     /// `numerator / denominator`, rounded to this many decimals; `denominator` must be above 0. A nonzero value is never
     /// rounded to zero: a slowly turning motor must not appear to stand still.
     #[must_use]
@@ -89,6 +95,12 @@ impl Decimal {
     #[must_use]
     pub fn value(self) -> f64 {
         self.steps as f64 / 10_f64.powi(self.digits.into())
+    }
+
+    /// The number without its decimals.
+    #[must_use]
+    pub fn whole(self) -> i64 {
+        self.steps / 10_i64.saturating_pow(self.digits.into()).max(1)
     }
 }
 

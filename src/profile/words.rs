@@ -111,7 +111,7 @@ pub const CONFIDENCES: [(&str, Confidence); 7] =
     own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
-pub const ROLES: [(&str, Role); 26] = [
+pub const ROLES: [(&str, Role); 27] = [
     ("run-command", Role::RunCommand),
     ("order", Role::Order),
     ("frequency-command", Role::FrequencyCommand),
@@ -135,6 +135,7 @@ pub const ROLES: [(&str, Role); 26] = [
     ("torque", Role::Torque),
     ("temperature", Role::Temperature),
     ("run-hours", Role::RunHours),
+    ("energy", Role::Energy),
     ("trip-history", Role::TripHistory),
     ("warning-code", Role::WarningCode),
     ("warning-bits", Role::WarningBits),

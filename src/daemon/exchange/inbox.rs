@@ -32,6 +32,8 @@ pub enum Message {
     PathAlive(Owner),
     /// The path from this client was reopened: what was issued before is stale.
     PathOpened(Owner),
+    /// This client sets the sums of what the drive has used back to 0.
+    ResetUsage(DriveIndex, Owner),
     /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
     /// It shuts down now: the effect of stops that were sent is not waited for.

@@ -1,5 +1,6 @@
 //! The journal's database: opened, written in groups, cut when it is full.
 
+use super::days;
 use super::events;
 use super::reader;
 use super::rescue::{self, Rescued};
@@ -201,14 +202,30 @@ impl Database {
             let mut put = transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
             put.execute(params![name, body, memory_crc(name, &body)])?;
         }
+        for (name, day, totals) in book.days.waiting() {
+            days::put(&transaction, name.as_str(), day, &totals)?;
+        }
         for name in book.forgotten() {
             transaction.execute("DELETE FROM drive WHERE name = ?", [name.as_str()])?;
+            transaction.execute("DELETE FROM day WHERE drive = ?", [name.as_str()])?;
         }
         events::mark(&transaction, taken, events::TAKEN)?;
         transaction.commit()?;
         self.last_event = last_event;
         self.last_availability = last_availability;
         self.is_in_doubt = false;
+        Ok(())
+    }
+
+    /// Reads what the file holds of the days that `book` adds to for the first time.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn read_days(&self, book: &mut Book) -> Result<(), Error> {
+        for key in book.days.unread() {
+            let before = days::of(&self.connection, key.0.as_str(), key.1)?;
+            book.days.read(&key, before);
+        }
         Ok(())
     }
 
@@ -266,6 +283,7 @@ impl Database {
         for row in &waiting {
             put(&transaction, Table::Event, row)?;
         }
+        days::take_over(&transaction, old)?;
         transaction.commit()?;
         self.last_event = self.last_event.max(highest);
         Ok(taken_over)

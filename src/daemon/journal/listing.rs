@@ -84,12 +84,14 @@ fn words(row: &Row, body: &Value) -> String {
         }
         "failsafe" => format!("fail-safe action {}: {}", word("tried"), word("cause")),
         "lease" => lease(body, &word("by")),
+        "usage_reset" => format!("{} set energy, running hours, starts and trips back to 0", word("by")),
         "stop_given_up" => "a STOP was given up: the drive stayed offline".to_owned(),
         "tripped" => {
             let away = if body["while_away"] == true { " while away" } else { "" };
             let text = body["text"].as_str().map(|text| format!(": {text}")).unwrap_or_default();
             let code = body["code"].as_u64().map_or_else(|| "?".to_owned(), |code| code.to_string());
-            format!("tripped{away}, code {code}{text} (event {})", row.number)
+            let after = body["running_hours"].as_f64().map(|hours| format!(", after {hours} running hours"));
+            format!("tripped{away}, code {code}{text}{} (event {})", after.unwrap_or_default(), row.number)
         }
         "cleared" => format!("trip cleared (event {})", row.number),
         _ => {

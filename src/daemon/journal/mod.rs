@@ -7,6 +7,7 @@
 
 mod aside;
 mod database;
+pub mod days;
 mod event_sender;
 mod events;
 mod inbox;

@@ -3,7 +3,7 @@
 use rusqlite::{Connection, Error, TransactionBehavior};
 
 /// The version of the tables, stored as `user_version`.
-pub const VERSION: i64 = 1;
+pub const VERSION: i64 = 2;
 /// "VFDG": the database is a journal of ours.
 const APPLICATION: i64 = 0x5646_4447;
 /// Bytes of the write-ahead log that stay when it is emptied.
@@ -23,6 +23,10 @@ const STEPS: [&str; VERSION as usize] = ["
         body TEXT NOT NULL, crc INTEGER NOT NULL);
     CREATE TABLE drive (name TEXT PRIMARY KEY, body TEXT NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
     CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+", "
+    CREATE TABLE day (
+        drive TEXT NOT NULL, day INTEGER NOT NULL, body TEXT NOT NULL, crc INTEGER NOT NULL,
+        PRIMARY KEY (drive, day)) WITHOUT ROWID;
 "];
 
 /// The kind of a file.

@@ -198,7 +198,7 @@ impl Store {
             }
             self.notes.drain(..).for_each(|note| book.note(note));
             let Some(database) = self.database.as_mut() else { return false };
-            match database.write(book, taken) {
+            match database.read_days(book).and_then(|()| database.write(book, taken)) {
                 Ok(()) => {
                     self.works();
                     return true;

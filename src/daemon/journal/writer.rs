@@ -13,7 +13,7 @@ use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::journal::audit::Lost;
-use crate::journal::{Book, Keep, RowNumber, row};
+use crate::journal::{Book, Entry, Keep, RowNumber, row};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
@@ -26,6 +26,8 @@ const TELL_AGAIN: Duration = Duration::from_millis(5);
 const EMPTY_AFTER: (u64, u64) = (256, 4096);
 /// Rows after which the size of the journal is checked.
 const CUT_AFTER: u64 = 64;
+/// What drives have used is written this late, so that one write has it of many drives.
+const USAGE_WAITS: Duration = Duration::from_secs(5);
 /// Most marks of taken events that wait to be written. An event whose mark is lost is published again after the next
 /// start.
 const TAKEN_MAX: usize = 1024;
@@ -50,6 +52,8 @@ pub struct Writer {
     since_cut: u64,
     /// Rows lost since the last row that says so.
     lost: u64,
+    /// Something else than what drives have used was taken since the last write, or the gateway shuts down.
+    is_urgent: bool,
     configuration: Option<String>,
     known: Known,
 }
@@ -88,6 +92,7 @@ impl Writer {
             // At once, so that the size is known.
             since_cut: CUT_AFTER,
             lost: 0,
+            is_urgent: true,
             configuration: found.configuration,
             known: Known::default(),
         }
@@ -109,7 +114,9 @@ impl Writer {
             self.tell_lines();
             let (lost, is_closed) = self.inbox.take(&mut batch, self.wait());
             self.lose(lost);
+            self.is_urgent |= is_closed;
             if is_closed && batch.is_empty() {
+                self.write();
                 break;
             }
             let now = (clock::now(), clock::wall());
@@ -136,7 +143,14 @@ impl Writer {
         let now = clock::now();
         let retry = self.store.retry_at().map(|at| at.since(now));
         let tell = (!self.to_tell.is_empty()).then_some(TELL_AGAIN);
-        [retry, tell].into_iter().flatten().min()
+        // While the disk refuses, only the next retry counts.
+        let used = self.used_until().filter(|_| retry.is_none()).map(|until| until.since(now));
+        [retry, tell, used].into_iter().flatten().min()
+    }
+
+    /// Until when what drives have used may wait; `None` if nothing of that waits.
+    fn used_until(&self) -> Option<MonoTime> {
+        self.book.used_since().map(|since| since + USAGE_WAITS)
     }
 
     fn lose(&mut self, lost: Lost) {
@@ -151,6 +165,7 @@ impl Writer {
 
     fn take(&mut self, (now, wall): (MonoTime, WallTime), post: Post) {
         let label = |at: MonoTime| label(now, wall, at);
+        self.is_urgent |= !matches!(&post, Post::Keep(_, Keep { entry: Entry::Usage(_), .. }));
         match post {
             Post::Keep(origin, Keep { row, drive, at, entry }) => {
                 if let Some(drive) = origin.drives.get(drive.get()) {
@@ -184,6 +199,11 @@ impl Writer {
     fn write(&mut self) {
         let lost = self.book.take_lost();
         self.lose(lost);
+        let may_wait = !self.is_urgent && self.used_until().is_some_and(|until| clock::now() < until);
+        if may_wait {
+            return;
+        }
+        self.is_urgent = false;
         let has_nothing = self.book.is_empty() && self.taken.is_empty() && !self.store.has_news();
         if has_nothing && self.store.retry_at().is_none() {
             // A row without news, such as an unchanged lease, counts as kept.
@@ -196,6 +216,7 @@ impl Writer {
         let begun = clock::now();
         let has_trip = self.book.has_trip();
         if !self.store.write(&mut self.book, &self.taken) {
+            self.is_urgent = true;
             return;
         }
         let took = clock::now().since(begun);

@@ -26,6 +26,7 @@ impl LineTask<'_> {
                 Message::Command(command) => Input::Command(command),
                 Message::AskerGone(asker) => Input::AskerGone(asker),
                 Message::PathAlive(owner) => Input::PathAlive(owner),
+                Message::ResetUsage(drive, owner) => Input::ResetUsage(drive, owner),
                 Message::PathOpened(owner) => Input::PathOpened(owner),
                 Message::Shutdown => {
                     self.ending = Some(now + ENDING_MAX);

@@ -11,6 +11,7 @@ mod reset;
 mod rows;
 mod standing;
 mod start;
+mod usage;
 mod watchdog;
 
 use super::execution::Execution;
@@ -39,6 +40,7 @@ use standing::Standing;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
+use usage::Usage;
 
 /// Maximum number of commands per drive that wait for the one in execution.
 pub const COMMANDS_MAX: usize = 8;
@@ -130,6 +132,8 @@ pub struct DriveWork {
     last: Option<Report>,
     /// Number of commands so far, which is the number of the newest.
     commands: u16,
+    /// What the drive has used.
+    usage: Usage,
     has_changed: bool,
 }
 
@@ -179,6 +183,7 @@ impl DriveWork {
             again: None,
             last: None,
             commands: 0,
+            usage: Usage::new(model, Pace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
     }
@@ -288,6 +293,7 @@ impl DriveWork {
     /// The drive has stopped answering, or its line is down.
     pub fn out_of_sight(&mut self, out: Out<'_>) {
         self.has_changed = true;
+        self.usage_out_of_sight(out);
         self.output.forget();
         self.status.forget();
         self.status_at = None;

@@ -114,6 +114,7 @@ impl DriveWork {
             self.guard.lost_touch(out.now());
             self.cut_motion(Reason::Tripped, out);
         }
+        self.count_trips(&events, out);
         self.keep_trips(&events, out);
         events.into_iter().for_each(|event| out.push_back(Effect::Trip(self.drive, event)));
     }

@@ -14,6 +14,7 @@ impl DriveWork {
         self.trips = std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
         self.kept.remember(remembered);
         self.remember_reset(remembered.reset);
+        self.usage.remember(remembered.usage);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));
             self.guard.remember_lease(lease);

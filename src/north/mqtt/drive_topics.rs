@@ -216,6 +216,7 @@ impl DriveTopics {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
                 Content::Text(Value::Object(record).to_string().into())
             }
+            Kind::Usage(part) => text(view.usage.value(part).map(|value| value.to_string())),
             Kind::Param(register) => {
                 let is_fresh = |reading: &&ValueReading| now.at < param_stale_at(now, reading);
                 word(self.params.get(&register).filter(is_fresh).copied())

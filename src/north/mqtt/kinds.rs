@@ -4,6 +4,7 @@ use super::types::Tree;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
+use crate::drive::usage::{UsagePart, UsageParts};
 use crate::profile::model::{Register, Role};
 
 /// What a topic shows. Numbers are indices of registers in the model.
@@ -28,6 +29,8 @@ pub(in crate::north) enum Kind {
     WarningActive,
     WarningCode,
     WarningText,
+    /// One of the sums of what the drive has used.
+    Usage(UsagePart),
     /// A register that was read on demand.
     Param(usize),
 }
@@ -86,6 +89,9 @@ pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
         let warnings = [(Kind::WarningActive, "active"), (Kind::WarningCode, "code"), (Kind::WarningText, "text")];
         kinds.extend(warnings.map(|(kind, rest)| (kind, format!("warning/{rest}"))));
     }
+    let parts = UsageParts::of(&drive.model);
+    let used = UsagePart::ALL.into_iter().filter(|part| parts.has(*part));
+    kinds.extend(used.map(|part| (Kind::Usage(part), format!("usage/{}", part.word()))));
     kinds
 }
 
@@ -113,6 +119,7 @@ const fn measure_name(role: Role, unit: UnitOfMeasure) -> Option<&'static str> {
         (Role::Torque, UnitOfMeasure::Percent) => "torque",
         (Role::Temperature, UnitOfMeasure::Celsius) => "temperature",
         (Role::RunHours, UnitOfMeasure::Hour) => "run_hours",
+        (Role::Energy, UnitOfMeasure::KilowattHour) => "energy",
         _ => return None,
     })
 }

@@ -112,6 +112,7 @@ fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: 
         || shown::drive_state(drive, old, last.at) != shown::drive_state(drive, view, now.at)
         || old.watchdog != view.watchdog
         || old.trip_kept != view.trip_kept
+        || old.usage != view.usage
         || lasting(old) != lasting(view)
         || has_published_lease_ended(now, last, view)
 }
@@ -158,6 +159,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
         "trip": trip_state(now, drive, view),
         "warning": warning_state(now, drive, view),
         "control": view.control.as_ref().map(|it| control(now, it)),
+        "usage": shown::usage(view),
         "capabilities": shown::capabilities(drive),
     })
 }

@@ -61,6 +61,7 @@ impl Drive<'_> {
             "warning": shown::warning_text(self.description, self.view, present.now),
             "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
             "control": description.control.as_ref().map(|settings| self.control(settings, present.now)),
+            "usage": shown::usage(view),
             "oldest_ms": self.oldest_at(present.now).map(|at| whole_millis(present.now, at)),
             "values": self.polled().map(|register| self.value(register, present.now)).collect::<Vec<_>>(),
         })

@@ -13,7 +13,7 @@ use crate::journal::trip;
 use crate::north::clock::Clock;
 use crate::north::mqtt::{Kind, Points, trip_code, trips_are_fresh};
 use crate::north::shown::{answered_run_state, fresh, intent, stale_at, warning};
-use crate::profile::scale::Scaled;
+use crate::profile::scale::{Decimal, Scaled};
 use std::borrow::Cow;
 
 /// Digits of a value that is derived from a rated one.
@@ -29,6 +29,8 @@ pub(super) enum Content {
     Bool(bool),
     Number(i64),
     Hertz(Hertz),
+    /// One of the sums of what the drive has used.
+    Sum(Decimal),
     Text(Cow<'static, str>),
     /// A part of a report, with its number: the same words of another report are news.
     Said(Cow<'static, str>, i64),
@@ -94,6 +96,7 @@ impl Look<'_> {
                 let owner = view.control.as_ref().and_then(|control| control.lease).map(|(owner, _)| owner);
                 Content::Text(owner.map_or(Cow::Borrowed(""), |owner| owner.to_string().into()))
             }
+            Kind::Usage(part) => view.usage.value(part).map_or(Content::Null, Content::Sum),
             Kind::TripActive => Content::bool(trip.and_then(|trip| trip.active)),
             Kind::TripCount => Content::number(view.trip_kept.count.filter(|_| trip.is_some())),
             Kind::TripCode => Content::number(trip_code(view).filter(|_| trip.is_some())),
@@ -176,6 +179,8 @@ impl Look<'_> {
             Content::Bool(value) => Value::Boolean(*value),
             Content::Text(text) | Content::Said(text, _) => Value::Text(text.clone().into_owned()),
             Content::Hertz(hertz) => Value::Double(hertz.as_f64()),
+            Content::Sum(sum) if definition.datatype == Int64 => Value::of_i64(sum.whole()),
+            Content::Sum(sum) => Value::Double(sum.value()),
             Content::Number(number) if definition.datatype == Int64 => Value::of_i64(*number),
             Content::Number(number) if definition.datatype == Int32 => Value::of_i32(i32::try_from(*number).ok()?),
             Content::Number(_) => return None,

@@ -7,6 +7,7 @@ use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
+use crate::drive::usage::UsagePart;
 use crate::north::mqtt::{Kind, kinds};
 use crate::north::shown::capabilities;
 use crate::profile::model::{Flag, Register};
@@ -91,7 +92,7 @@ impl Definition {
 
     /// Its changes are published at once, and not gathered with measured values.
     pub(super) const fn is_prompt(&self) -> bool {
-        !matches!(self.source, Source::Topic(Kind::Polled(_) | Kind::Rated(_)))
+        !matches!(self.source, Source::Topic(Kind::Polled(_) | Kind::Rated(_) | Kind::Usage(_)))
     }
 
     /// Whether its changes are kept while no host can be reached.
@@ -163,6 +164,8 @@ fn of_topic(drive: &DriveDescription, kind: Kind, name: String) -> Definition {
         Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint | Kind::Param(_) => Datatype::Double,
         Kind::TripActive | Kind::WarningActive => Datatype::Boolean,
         Kind::TripCode | Kind::TripCount | Kind::WarningCode => Datatype::Int32,
+        Kind::Usage(UsagePart::Energy | UsagePart::RunningHours) => Datatype::Double,
+        Kind::Usage(UsagePart::Starts | UsagePart::Trips) => Datatype::Int64,
         Kind::Availability | Kind::RunState | Kind::Owner | Kind::TripText | Kind::TripLast | Kind::WarningText => {
             Datatype::Text
         }
@@ -172,6 +175,7 @@ fn of_topic(drive: &DriveDescription, kind: Kind, name: String) -> Definition {
         Kind::Polled(place) => register(place).map(|it| it.unit),
         Kind::Rated(place) => register(place).and_then(|it| Rated::of(it, &drive.ratings)).map(|rated| rated.unit),
         Kind::Setpoint => Some(UnitOfMeasure::Hertz),
+        Kind::Usage(part) => Some(part.unit()),
         _ => None,
     };
     let unit = unit.filter(|unit| *unit != UnitOfMeasure::None).map(UnitOfMeasure::symbol);

@@ -3,7 +3,7 @@
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::{ModelFile, QuirksFile};
-use crate::profile::model::{Memory, Role};
+use crate::profile::model::{FactPart, Memory, Role};
 use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
 use crate::toml_file::{OptionalKey, Spanned};
 
@@ -17,6 +17,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         takes_commands(role, &file.registers, problems);
     }
     deafness_is_bearable(&file.registers, problems);
+    energy_is_counted(&file.registers, problems);
     if let Some(rule) = file.codes.valid().and_then(|codes| codes.value.ready()) {
         codes_fit(&rule, &file.registers, problems);
     }
@@ -61,6 +62,26 @@ fn deafness_is_bearable(registers: &[RegisterFile], problems: &mut Vec<Problem>)
         if register.role.valid().is_some_and(|role| matches!(role.value, Role::RunCommand | Role::FrequencyCommand)) {
             let problem = deaf.location.problem("a drive that is deaf after each order cannot be stopped");
             problems.push(problem.right("leave it out; after a reset, the quirk `deaf_after_reset`"));
+        }
+    }
+}
+
+/// An energy counter is read again and again, in a unit of energy that is stated.
+fn energy_is_counted(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    for register in registers {
+        let Some(role) = register.role.valid().filter(|role| role.value == Role::Energy) else { continue };
+        let is_energy = |unit| matches!(unit, UnitOfMeasure::KilowattHour | UnitOfMeasure::MegawattHour);
+        if let Some(unit) = register.unit.as_ref().filter(|unit| !is_energy(unit.value)) {
+            problems.push(unit.location.problem("an energy counter counts energy").right("unit = \"kWh\" or \"MWh\""));
+        }
+        if matches!(register.poll, OptionalKey::Absent) {
+            let problem = role.location.problem("an energy counter that is not polled counts nothing");
+            problems.push(problem.right("poll = \"minutely\""));
+        }
+        let not_stated = register.not_stated.valid().map(|parts| parts.value.iter());
+        if let Some(scale) = not_stated.into_iter().flatten().find(|part| part.value == FactPart::Scale) {
+            let problem = scale.location.problem("the scale of an energy counter must be stated");
+            problems.push(problem.right("leave the role out: energy is then summed up from the output power"));
         }
     }
 }

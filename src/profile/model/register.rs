@@ -55,6 +55,8 @@ pub enum Role {
     Temperature,
     /// Run hours.
     RunHours,
+    /// The energy that the drive has counted.
+    Energy,
     /// An older trip's number. Several registers may have this role; the newest trip is at the lowest address.
     TripHistory,
     /// The number of the active warning, 0 for none. A warning stops no motor.

@@ -50,7 +50,7 @@ pub struct RegisterFile {
     range: OptionalKey<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
-    not_stated: OptionalKey<Vec<Spanned<FactPart>>>,
+    pub(super) not_stated: OptionalKey<Vec<Spanned<FactPart>>>,
 }
 
 impl RegisterFile {

@@ -2,6 +2,7 @@
 
 use super::{Metric, Name, counter, gauge, plain, seconds, truth};
 use crate::domain::report::{ReplyReport, StationReport};
+use crate::drive::usage::UsagePart;
 use crate::drive::view::{ControlView, DriveView};
 use crate::drive::watchdog::WatchdogState;
 use crate::north::shown;
@@ -100,6 +101,20 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
         |view| Some(f64::from(shown::run_state(view).number())),
     ),
     counter("drive_trips_seen", "Trips that this process has seen.", |view| Some(u64::from(view.trip.seen))),
+    counter("drive_energy", "Energy that the drive has used; absent where it is not known.", |view: &DriveView| {
+        view.usage.parts.energy.map(|_| view.usage.totals.energy_mj / 1000)
+    })
+    .in_unit("joules"),
+    counter("drive_running", "Time in which the motor ran.", |view: &DriveView| {
+        view.usage.parts.has(UsagePart::RunningHours).then(|| view.usage.totals.running.as_secs())
+    })
+    .in_unit("seconds"),
+    counter("drive_starts", "How often the motor began to run.", |view| {
+        view.usage.parts.has(UsagePart::Starts).then(|| u64::from(view.usage.totals.starts))
+    }),
+    counter("drive_trips", "Trips, including those that earlier processes have seen.", |view| {
+        view.usage.parts.has(UsagePart::Trips).then(|| u64::from(view.usage.totals.trips))
+    }),
     gauge("drive_trip_active", "1 while a trip holds; absent while that is not known.", |view| {
         truth(view.trip.active?)
     }),

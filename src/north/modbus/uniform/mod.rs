@@ -45,7 +45,7 @@ pub mod address {
 /// Version of the map: uniform word 0.
 pub const MAP_VERSION: u16 = 1;
 /// Words from 0 on that 03 and 04 read.
-const PICTURE_WORDS: u16 = 32;
+const PICTURE_WORDS: u16 = 40;
 /// The last word of control.
 const CONTROL_LAST: u16 = 261;
 /// Discrete inputs: the bits of word 1.

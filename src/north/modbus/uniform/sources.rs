@@ -4,6 +4,7 @@ use super::column::Column;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::{DriveDescription, Freshness};
+use crate::drive::usage::UsageParts;
 use crate::drive::view::DriveView;
 use crate::profile::model::{PollClass, Register, Role};
 use std::time::Duration;
@@ -28,6 +29,8 @@ pub(super) struct Sources {
     pub(super) warning: Option<(Register, Freshness)>,
     /// The drive has a control section.
     pub(super) has_control: bool,
+    /// Which sums of what it has used there are.
+    pub(super) usage: UsageParts,
 }
 
 fn is_live(register: &&Register) -> bool {
@@ -54,6 +57,7 @@ impl Sources {
             has_trips,
             warning: drive.model.warning_register().and_then(|it| Some((it.clone(), drive.freshness(it)?))),
             has_control: drive.control.is_some(),
+            usage: UsageParts::of(&drive.model),
         }
     }
 

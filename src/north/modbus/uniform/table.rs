@@ -7,6 +7,7 @@ use super::column::{ABSENT, ABSENT_SIGNED, Column};
 use super::sources::Sources;
 use super::words::{Look, age_word, life};
 use super::{CONTROL_LAST, MAP_VERSION, PICTURE_WORDS, Uniform, address, status};
+use crate::drive::usage::UsagePart;
 
 /// One row of words.
 pub(in super::super) struct WordRow {
@@ -23,6 +24,8 @@ enum From {
     State(fn(&Uniform, &Look<'_>) -> u16),
     /// The measurement found by this function, with its number of steps per unit.
     Measurement(fn(&Sources) -> Option<&Column>, Steps),
+    /// This sum of what the drive has used, in this many steps per unit.
+    Usage(UsagePart, u64),
 }
 
 /// How a measurement becomes a word, or two.
@@ -50,6 +53,8 @@ enum Has {
     Polled,
     /// It has a control section.
     Control,
+    /// It has the sum.
+    Usage,
 }
 
 const TENTHS: Steps = Steps::Unsigned(10);
@@ -96,6 +101,11 @@ const fn measured(
     WordRow { row, from: From::Measurement(find, steps), has: Has::Measurement }
 }
 
+const fn used(address: u16, name: &'static str, step: &'static str, steps: u64, part: UsagePart) -> WordRow {
+    let row = row(MapUnit::Uniform, MapTable::Word, address, name, Holds::Steps(step, part.unit().symbol()));
+    WordRow { row: row.or_absent().words(2), from: From::Usage(part, steps), has: Has::Usage }
+}
+
 impl WordRow {
     const fn written(self) -> Self {
         Self { row: self.row.written(), ..self }
@@ -120,20 +130,27 @@ impl WordRow {
                     Steps::Unsigned(steps) => fresh.map_or(ABSENT, |value| value.unsigned(steps)),
                     Steps::Frequency => fresh.map_or(ABSENT, |value| value.magnitude().unsigned(100)),
                     Steps::Signed(steps) => fresh.map_or(ABSENT_SIGNED, |value| value.signed(steps)),
-                    Steps::Long => {
-                        let whole = fresh.and_then(|value| u32::try_from(value.in_steps(1)).ok()).unwrap_or(u32::MAX);
-                        let is_high = address == self.row.address;
-                        if is_high { (whole >> 16) as u16 } else { (whole & 0xFFFF) as u16 }
-                    }
+                    Steps::Long => self.long(address, fresh.map(|value| value.in_steps(1))),
                 }
             }
+            From::Usage(part, steps) => {
+                let used = look.view.usage.steps(part, steps).map(|used| used.min(u64::from(u32::MAX - 1)));
+                self.long(address, used.and_then(|used| i64::try_from(used).ok()))
+            }
         }
+    }
+
+    /// The word at `address` of a number of two words; absent if it is not known or does not fit.
+    fn long(&self, address: u16, number: Option<i64>) -> u16 {
+        let whole = number.and_then(|number| u32::try_from(number).ok()).unwrap_or(u32::MAX);
+        let is_high = address == self.row.address;
+        if is_high { (whole >> 16) as u16 } else { (whole & 0xFFFF) as u16 }
     }
 
     /// What its measurement comes from; `None` if the drive does not have it, or it is no measurement.
     pub(super) fn column<'u>(&self, unit: &'u Uniform) -> Option<&'u Column> {
         match self.from {
-            From::State(_) => None,
+            From::State(_) | From::Usage(..) => None,
             From::Measurement(find, _) => find(&unit.sources),
         }
     }
@@ -148,6 +165,7 @@ impl WordRow {
             Has::Trips => sources.has_trips,
             Has::Polled => !sources.polled.is_empty(),
             Has::Control => sources.has_control,
+            Has::Usage => matches!(self.from, From::Usage(part, _) if sources.usage.has(part)),
         }
     }
 }
@@ -184,6 +202,10 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     measured(25, "output power, finer", "0.01", "kW", Steps::Unsigned(100), |it| it.power.as_ref()),
     state(26, "capabilities", CAPABILITIES, |unit, _| unit.capabilities),
     state(27, "reserved", RESERVED, |_, _| 0).words(5),
+    used(32, "energy used", "0.1", 10, UsagePart::Energy),
+    used(34, "time of running", "0.1", 10, UsagePart::RunningHours),
+    used(36, "starts", "1", 1, UsagePart::Starts),
+    used(38, "trips, earlier processes included", "1", 1, UsagePart::Trips),
     control(address::RUN, "run command", RUN_VALUES, |unit, look| unit.intent(look.view)).written(),
     control(address::SETPOINT, "frequency setpoint", HUNDREDTHS, Uniform::setpoint)
         .written()
@@ -195,7 +217,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     control(261, "reason of the drive's last command", Holds::Reason, Uniform::last_reason),
 ];
 
-const WORD_ROWS: usize = 33;
+const WORD_ROWS: usize = 37;
 const WORD_COUNT: usize = (PICTURE_WORDS + CONTROL_LAST - address::RUN + 1) as usize;
 
 /// Which row each word is of: first the view, then control.

@@ -5,6 +5,7 @@ use super::{combined, control};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::Rated;
+use crate::drive::usage::UsagePart;
 use crate::north::mqtt::kinds::{Kind, kinds};
 use crate::north::mqtt::topics::Topics;
 use crate::north::mqtt::types::Combined;
@@ -73,10 +74,24 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
         }
         Kind::WarningCode => vec![sensor("warning_code", "Warning code").telling(topic).diagnostic()],
         Kind::WarningText => vec![sensor("warning_text", "Warning text").telling(topic).diagnostic()],
+        Kind::Usage(part) => vec![used(part, topic)],
         // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
         Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => Vec::new(),
         Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
     }
+}
+
+/// A sum of what the drive has used. It is known while the drive is off, too.
+fn used(part: UsagePart, topic: String) -> Entity {
+    let (name, decimals, icon) = match part {
+        UsagePart::Energy => ("Energy used", Some(2), None),
+        UsagePart::RunningHours => ("Running hours", Some(1), None),
+        UsagePart::Starts => ("Starts", None, Some("mdi:counter")),
+        UsagePart::Trips => ("Trips in total", None, Some("mdi:counter")),
+    };
+    let entity = Entity::new(Component::Sensor, format!("usage_{}", part.word()), name, Needs::Gateway);
+    let entity = entity.showing(topic).measured_in(part.unit(), decimals).with("state_class", "total_increasing");
+    icon.map_or(entity.clone(), |icon| entity.icon(icon))
 }
 
 fn run_state(topic: &str) -> [Entity; 2] {

@@ -1,0 +1,381 @@
+//! What a drive has used: energy, running time, starts and trips, as sums that only rise.
+//!
+//! Everything is measured between two readings, on the monotonic clock, and only while readings follow each other: what
+//! happened while the drive or the gateway was away is not known, except what the drive's own energy counter tells.
+
+#[cfg(test)]
+mod tests;
+
+use super::plan::Pace;
+use super::snapshot::DriveSnapshot;
+use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
+use crate::profile::model::{Flag, Model, PollClass, Register, Role};
+use crate::profile::scale::Decimal;
+use std::ops::AddAssign;
+use std::time::Duration;
+
+/// How many planned periods may lie between two readings that are measured between.
+const GAP_PERIODS: u32 = 3;
+/// Millijoules of a kilowatt hour.
+const MJ_PER_KWH: i64 = 3_600_000_000;
+const MS_PER_HOUR: u64 = 3_600_000;
+/// The most that one drive is believed to take: 1 MW, in millijoules per millisecond. A counter that rises faster is that
+/// of another drive, or was read while it carried from one register into the next.
+const MJ_PER_MS_MAX: u64 = 1_000_000;
+
+/// Sums of one drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UsageTotals {
+    /// Energy in millijoules.
+    pub energy_mj: u64,
+    /// The time in which the motor ran, or was ordered to.
+    pub running: Duration,
+    /// How often it began to run.
+    pub starts: u32,
+    /// How often the drive tripped.
+    pub trips: u32,
+}
+
+impl UsageTotals {
+    /// What has been added since `earlier`; nothing where a sum has fallen, because it was reset.
+    #[must_use]
+    pub const fn since(&self, earlier: &Self) -> Self {
+        Self {
+            energy_mj: self.energy_mj.saturating_sub(earlier.energy_mj),
+            running: self.running.saturating_sub(earlier.running),
+            starts: self.starts.saturating_sub(earlier.starts),
+            trips: self.trips.saturating_sub(earlier.trips),
+        }
+    }
+}
+
+impl AddAssign for UsageTotals {
+    fn add_assign(&mut self, more: Self) {
+        self.energy_mj = self.energy_mj.saturating_add(more.energy_mj);
+        self.running = self.running.saturating_add(more.running);
+        self.starts = self.starts.saturating_add(more.starts);
+        self.trips = self.trips.saturating_add(more.trips);
+    }
+}
+
+/// Where the energy comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EnergySource {
+    /// The drive's own counter.
+    Counter,
+    /// Summed up from readings of its output power.
+    Power,
+}
+
+impl EnergySource {
+    /// Where the energy of drives of `model` comes from; `None` if it is not known.
+    #[must_use]
+    pub fn of(model: &Model) -> Option<Self> {
+        if counter(model).is_some() { Some(Self::Counter) } else { power(model).map(|_| Self::Power) }
+    }
+
+    /// The word used in documents.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Counter => "counter",
+            Self::Power => "power",
+        }
+    }
+}
+
+/// One of the sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum UsagePart {
+    /// Energy in kilowatt hours.
+    Energy,
+    /// The time in which the motor ran, in hours.
+    RunningHours,
+    /// How often it began to run.
+    Starts,
+    /// How often the drive tripped.
+    Trips,
+}
+
+impl UsagePart {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Energy, Self::RunningHours, Self::Starts, Self::Trips];
+
+    /// The word used in topics.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Energy => "energy",
+            Self::RunningHours => "running_hours",
+            Self::Starts => "starts",
+            Self::Trips => "trips",
+        }
+    }
+
+    /// Its unit of measure.
+    #[must_use]
+    pub const fn unit(self) -> UnitOfMeasure {
+        match self {
+            Self::Energy => UnitOfMeasure::KilowattHour,
+            Self::RunningHours => UnitOfMeasure::Hour,
+            Self::Starts | Self::Trips => UnitOfMeasure::None,
+        }
+    }
+}
+
+/// Which of the sums a drive has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UsageParts {
+    /// Where the energy comes from; `None` if it is not known.
+    pub energy: Option<EnergySource>,
+    /// Whether it is read whether the motor runs.
+    has_run_state: bool,
+    /// Whether its trips are read.
+    has_trips: bool,
+}
+
+impl UsageParts {
+    /// Those of drives of `model`.
+    #[must_use]
+    pub fn of(model: &Model) -> Self {
+        let has_flag = model.status_flag(Flag::Running).is_some();
+        let has_output = model.register_for(Role::OutputFrequency).is_some_and(|it| it.poll.is_some());
+        let has_trips = model.trip_register().is_some();
+        Self { energy: EnergySource::of(model), has_run_state: has_flag || has_output, has_trips }
+    }
+
+    /// Whether `part` is one of them.
+    #[must_use]
+    pub const fn has(self, part: UsagePart) -> bool {
+        match part {
+            UsagePart::Energy => self.energy.is_some(),
+            UsagePart::RunningHours | UsagePart::Starts => self.has_run_state,
+            UsagePart::Trips => self.has_trips,
+        }
+    }
+}
+
+/// What a drive has used, as it is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UsageView {
+    /// Which sums it has.
+    pub parts: UsageParts,
+    /// The sums.
+    pub totals: UsageTotals,
+}
+
+impl UsageView {
+    /// `part` with two decimals where it is no plain number; `None` if the drive does not have it. Only full steps are
+    /// shown.
+    #[must_use]
+    pub fn value(&self, part: UsagePart) -> Option<Decimal> {
+        let digits = if part.unit() == UnitOfMeasure::None { 0 } else { 2 };
+        let per_unit = 10_u64.pow(digits.into());
+        let steps = i64::try_from(self.steps(part, per_unit)?).unwrap_or(i64::MAX);
+        Some(Decimal::new(steps, digits))
+    }
+
+    /// `part` in whole steps, this many per unit of measure; `None` if the drive does not have it.
+    #[must_use]
+    pub fn steps(&self, part: UsagePart, per_unit: u64) -> Option<u64> {
+        let steps = |number: u128, of_one: u64| {
+            u64::try_from(number * u128::from(per_unit) / u128::from(of_one)).unwrap_or(u64::MAX)
+        };
+        self.parts.has(part).then(|| match part {
+            UsagePart::Energy => steps(self.totals.energy_mj.into(), MJ_PER_KWH.unsigned_abs()),
+            UsagePart::RunningHours => steps(self.totals.running.as_millis(), MS_PER_HOUR),
+            UsagePart::Starts => steps(self.totals.starts.into(), 1),
+            UsagePart::Trips => steps(self.totals.trips.into(), 1),
+        })
+    }
+}
+
+/// What outlives the process.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct KeptUsage {
+    /// The sums.
+    pub totals: UsageTotals,
+    /// The last reading of the drive's own energy counter, in millijoules.
+    pub counter_mj: Option<u64>,
+}
+
+/// Sums up what one drive uses.
+#[derive(Clone, Debug)]
+pub struct UsageMeter {
+    power: Option<Power>,
+    counter: Option<Counter>,
+    /// The most that may lie between two readings of the run state.
+    running_gap: Duration,
+    /// When the run state was last read, while readings follow each other.
+    seen_at: Option<MonoTime>,
+    /// Whether it ran when that was last known.
+    ran: Option<bool>,
+    totals: UsageTotals,
+    /// The last that was returned to be kept, and when.
+    kept: (KeptUsage, MonoTime),
+}
+
+/// The output power of a drive.
+#[derive(Clone, Debug)]
+struct Power {
+    register: Register,
+    gap: Duration,
+    /// The last reading in milliwatts.
+    last: Option<(u64, MonoTime)>,
+}
+
+/// The energy counter of a drive.
+#[derive(Clone, Debug)]
+struct Counter {
+    register: Register,
+    /// The last reading in millijoules.
+    last_mj: Option<u64>,
+    /// When this process read it.
+    read_at: Option<MonoTime>,
+}
+
+impl UsageMeter {
+    /// A meter for drives of `model`, polled at `pace`.
+    #[must_use]
+    pub fn new(model: &Model, pace: Pace) -> Self {
+        let gap = |class| pace.period(class) * GAP_PERIODS;
+        let power = |register: &Register| Power {
+            register: register.clone(),
+            gap: gap(register.poll.unwrap_or(PollClass::Slow)),
+            last: None,
+        };
+        let counter = counter(model).map(|it| Counter { register: it.clone(), last_mj: None, read_at: None });
+        Self {
+            power: self::power(model).filter(|_| counter.is_none()).map(power),
+            counter,
+            running_gap: gap(PollClass::Fast),
+            seen_at: None,
+            ran: None,
+            totals: UsageTotals::default(),
+            kept: (KeptUsage::default(), MonoTime::ZERO),
+        }
+    }
+
+    /// Continues from what an earlier process has kept.
+    pub fn remember(&mut self, kept: KeptUsage) {
+        self.totals = kept.totals;
+        if let Some(counter) = &mut self.counter {
+            counter.last_mj = kept.counter_mj;
+        }
+        self.kept.0 = kept;
+    }
+
+    /// The sums.
+    #[must_use]
+    pub const fn totals(&self) -> &UsageTotals {
+        &self.totals
+    }
+
+    /// The run state was read at `at`: the motor runs or is ordered to; `None` if that is not known.
+    pub fn take_running(&mut self, runs: Option<bool>, at: MonoTime) {
+        let Some(runs) = runs else { return };
+        let since = self.seen_at.map(|seen_at| at.since(seen_at)).filter(|since| *since <= self.running_gap);
+        if let (Some(true), Some(since)) = (self.ran, since) {
+            self.totals.running = self.totals.running.saturating_add(since);
+        }
+        if runs && self.ran == Some(false) {
+            self.totals.starts = self.totals.starts.saturating_add(1);
+        }
+        self.seen_at = Some(at);
+        self.ran = Some(runs);
+    }
+
+    /// Registers of the drive were read: power and energy are in `snapshot` as far as they are known.
+    pub fn take_readings(&mut self, snapshot: &DriveSnapshot) {
+        let used = match (&mut self.counter, &mut self.power) {
+            (Some(counter), _) => counter.take(snapshot),
+            (None, Some(power)) => power.take(snapshot),
+            (None, None) => 0,
+        };
+        self.totals.energy_mj = self.totals.energy_mj.saturating_add(used);
+    }
+
+    /// The drive tripped this many times.
+    pub fn tripped(&mut self, trips: u16) {
+        self.totals.trips = self.totals.trips.saturating_add(trips.into());
+    }
+
+    /// The drive is offline: nothing is measured until it is back.
+    pub const fn out_of_sight(&mut self) {
+        self.seen_at = None;
+        if let Some(power) = &mut self.power {
+            power.last = None;
+        }
+    }
+
+    /// Sets all sums back to 0.
+    pub const fn reset(&mut self) {
+        self.totals = UsageTotals { energy_mj: 0, running: Duration::ZERO, starts: 0, trips: 0 };
+    }
+
+    /// What is to be kept at `now`, if it has changed and the last time is at least `after` ago.
+    pub fn take_unkept(&mut self, now: MonoTime, after: Duration) -> Option<KeptUsage> {
+        let counter_mj = self.counter.as_ref().and_then(|counter| counter.last_mj);
+        let usage = KeptUsage { totals: self.totals, counter_mj };
+        let is_due = usage != self.kept.0 && now.since(self.kept.1) >= after;
+        is_due.then(|| {
+            self.kept = (usage, now);
+            usage
+        })
+    }
+}
+
+impl Power {
+    /// The energy in millijoules between the last two readings.
+    fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
+        let Some(reading) = snapshot.value(&self.register) else { return 0 };
+        if self.last.is_some_and(|(_, at)| at == reading.at) {
+            return 0;
+        }
+        let (raw, scale) = reading.value.fraction();
+        // Energy that is fed back is none that was used.
+        let milliwatts = u64::try_from(raw.max(0).saturating_mul(1_000_000) / scale.max(1)).unwrap_or(0);
+        let before = self.last.replace((milliwatts, reading.at));
+        let Some((before, at)) = before else { return 0 };
+        let span = reading.at.since(at);
+        if span > self.gap {
+            return 0;
+        }
+        let used = u128::from(before + milliwatts) * span.as_micros() / 2_000_000;
+        u64::try_from(used).unwrap_or(u64::MAX)
+    }
+}
+
+impl Counter {
+    /// The energy in millijoules since the last reading. A counter that has fallen was reset, or is that of another drive:
+    /// counting goes on from where it is.
+    fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
+        let Some(reading) = snapshot.value(&self.register) else { return 0 };
+        if self.read_at == Some(reading.at) {
+            return 0;
+        }
+        let (raw, scale) = reading.value.fraction();
+        let unit = if self.register.unit == UnitOfMeasure::MegawattHour { 1000 * MJ_PER_KWH } else { MJ_PER_KWH };
+        let step = i128::from(unit) / i128::from(scale.max(1));
+        let now_mj = u64::try_from(i128::from(raw.max(0)) * step).unwrap_or(u64::MAX);
+        let before = self.last_mj.replace(now_mj);
+        let read_before = self.read_at.replace(reading.at);
+        let rise = before.and_then(|before| now_mj.checked_sub(before)).unwrap_or(0);
+        let Some(read_before) = read_before else { return rise };
+        let span_ms = u64::try_from(reading.at.since(read_before).as_millis()).unwrap_or(u64::MAX);
+        let believed = span_ms.saturating_mul(MJ_PER_MS_MAX).saturating_add(u64::try_from(step).unwrap_or(0));
+        if rise <= believed { rise } else { 0 }
+    }
+}
+
+/// The energy counter of drives of `model`.
+fn counter(model: &Model) -> Option<&Register> {
+    model.register_for(Role::Energy).filter(|it| it.poll.is_some())
+}
+
+/// Their output power, in kilowatts.
+fn power(model: &Model) -> Option<&Register> {
+    let register = model.register_for(Role::OutputPower)?;
+    (register.poll.is_some() && register.unit == UnitOfMeasure::Kilowatt).then_some(register)
+}
