@@ -231,6 +231,8 @@ mod trying;
 mod uniform;
 #[path = "process/unplugging.rs"]
 mod unplugging;
+#[path = "process/usage.rs"]
+mod usage;
 #[path = "process/vendors.rs"]
 mod vendors;
 #[path = "process/yard.rs"]

@@ -149,6 +149,8 @@ mod trips;
 mod unanswered_writes;
 #[path = "scenarios/unproven.rs"]
 mod unproven;
+#[path = "scenarios/usage.rs"]
+mod usage;
 #[path = "scenarios/walk.rs"]
 mod walk;
 #[path = "scenarios/warnings.rs"]

@@ -220,7 +220,7 @@ pub enum Form {
     /// A number all values of which are valid.
     Count,
     /// The upper half of a number that is continued in the next word; both 65535 if there is none.
-    Wide(UnitOfMeasure),
+    Wide(u32, UnitOfMeasure),
     /// A run state.
     RunState,
     /// The status bits.
@@ -232,7 +232,7 @@ pub enum Form {
 impl UniformWord {
     /// How many words it takes.
     pub const fn words(self) -> u16 {
-        if matches!(self.form, Form::Wide(_)) { 2 } else { 1 }
+        if matches!(self.form, Form::Wide(..)) { 2 } else { 1 }
     }
 }
 
@@ -264,10 +264,14 @@ pub const UNIFORM: &[UniformWord] = &[
     word("owner", 19, Form::Count),
     word("min_frequency", 20, Form::Number(100, UnitOfMeasure::Hertz)),
     word("max_frequency", 21, Form::Number(100, UnitOfMeasure::Hertz)),
-    word("run_hours", 22, Form::Wide(UnitOfMeasure::Hour)),
+    word("run_hours", 22, Form::Wide(1, UnitOfMeasure::Hour)),
     word("current_fine", 24, Form::Number(100, UnitOfMeasure::Ampere)),
     word("power_fine", 25, Form::Number(100, UnitOfMeasure::Kilowatt)),
     word("capabilities", 26, Form::Capabilities),
+    word("energy_used", 32, Form::Wide(10, UnitOfMeasure::KilowattHour)),
+    word("running_hours", 34, Form::Wide(10, UnitOfMeasure::Hour)),
+    word("starts", 36, Form::Wide(1, UnitOfMeasure::None)),
+    word("total_trips", 38, Form::Wide(1, UnitOfMeasure::None)),
     word("run_command", map::RUN, Form::Count),
     word("frequency_command", map::SETPOINT, Form::Number(100, UnitOfMeasure::Hertz)),
     word("outcome", 259, Form::Count),
@@ -344,8 +348,8 @@ impl Value {
             Form::Signed(_, _) if first == 0x8000 => Self::Missing,
             Form::Signed(scale, unit) => Self::Number(first.cast_signed().into(), scale, unit),
             Form::Count => Self::Number(first.into(), 1, UnitOfMeasure::None),
-            Form::Wide(_) if (first, second) == (u16::MAX, u16::MAX) => Self::Missing,
-            Form::Wide(unit) => Self::Number(i64::from(first) << 16 | i64::from(second), 1, unit),
+            Form::Wide(..) if (first, second) == (u16::MAX, u16::MAX) => Self::Missing,
+            Form::Wide(scale, unit) => Self::Number(i64::from(first) << 16 | i64::from(second), scale, unit),
             Form::RunState => {
                 let state = RUN_STATES.iter().find(|state| state.number() == first);
                 state.map_or(Self::Number(first.into(), 1, UnitOfMeasure::None), |state| Self::Word(state.word()))

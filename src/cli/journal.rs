@@ -62,7 +62,7 @@ enum Which {
 /// Prints the rows, oldest first.
 pub fn journal(args: &Args) -> Result<(), Failure> {
     let path = match &args.config {
-        Some(config) => file_in(&data_dir_of(config)?),
+        Some(config) => file_in(&input::data_dir(config)?),
         None => file_in(&args.data_dir),
     };
     if !path.exists() {
@@ -124,12 +124,6 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
 
 fn is_damaged(error: &rusqlite::Error) -> bool {
     matches!(error.sqlite_error_code(), Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase))
-}
-
-fn data_dir_of(config: &std::path::Path) -> Result<PathBuf, Failure> {
-    input::configuration(config)?.gateway.data_dir.ok_or_else(|| {
-        Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no journal", config.display()))
-    })
 }
 
 impl Args {

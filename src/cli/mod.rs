@@ -42,6 +42,7 @@ mod socket;
 mod start_words;
 mod straight_write;
 mod target;
+mod usage;
 mod verify;
 mod view;
 mod watch;
@@ -101,6 +102,8 @@ enum Command {
     Reload(reload::Args),
     /// Show the journal: trips, commands and refusals, drives and lines going online and offline. The gateway may be running
     Journal(journal::Args),
+    /// Show what drives have used: energy, running hours, starts and trips of each day. The gateway may be running
+    Usage(usage::Args),
     /// Hash a password for a user of the page
     ///
     /// Prompts twice without echo, or reads one line from stdin if that is not a terminal.
@@ -187,6 +190,7 @@ pub fn main() -> ExitCode {
         Command::Diagnose(args) => diagnose::diagnose(&args),
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
+        Command::Usage(args) => usage::usage(&args),
         Command::Password(args) => password::password(&args),
         Command::Certificate(args) => certificate::certificate(&args),
         Command::Verify(args) => verify::verify(&args),

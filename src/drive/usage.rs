@@ -38,6 +38,28 @@ pub struct UsageTotals {
 }
 
 impl UsageTotals {
+    /// `part` with two decimals where it is no plain number. Only full steps are shown.
+    #[must_use]
+    pub fn value(&self, part: UsagePart) -> Decimal {
+        let digits = if part.unit() == UnitOfMeasure::None { 0 } else { 2 };
+        let steps = self.steps(part, 10_u64.pow(digits.into()));
+        Decimal::new(i64::try_from(steps).unwrap_or(i64::MAX), digits)
+    }
+
+    /// `part` in whole steps, this many per unit of measure.
+    #[must_use]
+    pub fn steps(&self, part: UsagePart, per_unit: u64) -> u64 {
+        let steps = |number: u128, of_one: u64| {
+            u64::try_from(number * u128::from(per_unit) / u128::from(of_one)).unwrap_or(u64::MAX)
+        };
+        match part {
+            UsagePart::Energy => steps(self.energy_mj.into(), MJ_PER_KWH.unsigned_abs()),
+            UsagePart::RunningHours => steps(self.running.as_millis(), MS_PER_HOUR),
+            UsagePart::Starts => steps(self.starts.into(), 1),
+            UsagePart::Trips => steps(self.trips.into(), 1),
+        }
+    }
+
     /// What has been added since `earlier`; nothing where a sum has fallen, because it was reset.
     #[must_use]
     pub const fn since(&self, earlier: &Self) -> Self {
@@ -82,6 +104,12 @@ impl EnergySource {
             Self::Counter => "counter",
             Self::Power => "power",
         }
+    }
+
+    /// The source with this word; `None` if there is none.
+    #[must_use]
+    pub fn named(word: &str) -> Option<Self> {
+        [Self::Counter, Self::Power].into_iter().find(|source| source.word() == word)
     }
 }
 
@@ -166,28 +194,16 @@ pub struct UsageView {
 }
 
 impl UsageView {
-    /// `part` with two decimals where it is no plain number; `None` if the drive does not have it. Only full steps are
-    /// shown.
+    /// `part` with two decimals where it is no plain number; `None` if the drive does not have it.
     #[must_use]
     pub fn value(&self, part: UsagePart) -> Option<Decimal> {
-        let digits = if part.unit() == UnitOfMeasure::None { 0 } else { 2 };
-        let per_unit = 10_u64.pow(digits.into());
-        let steps = i64::try_from(self.steps(part, per_unit)?).unwrap_or(i64::MAX);
-        Some(Decimal::new(steps, digits))
+        self.parts.has(part).then(|| self.totals.value(part))
     }
 
     /// `part` in whole steps, this many per unit of measure; `None` if the drive does not have it.
     #[must_use]
     pub fn steps(&self, part: UsagePart, per_unit: u64) -> Option<u64> {
-        let steps = |number: u128, of_one: u64| {
-            u64::try_from(number * u128::from(per_unit) / u128::from(of_one)).unwrap_or(u64::MAX)
-        };
-        self.parts.has(part).then(|| match part {
-            UsagePart::Energy => steps(self.totals.energy_mj.into(), MJ_PER_KWH.unsigned_abs()),
-            UsagePart::RunningHours => steps(self.totals.running.as_millis(), MS_PER_HOUR),
-            UsagePart::Starts => steps(self.totals.starts.into(), 1),
-            UsagePart::Trips => steps(self.totals.trips.into(), 1),
-        })
+        self.parts.has(part).then(|| self.totals.steps(part, per_unit))
     }
 }
 
@@ -198,6 +214,8 @@ pub struct KeptUsage {
     pub totals: UsageTotals,
     /// The last reading of the drive's own energy counter, in millijoules.
     pub counter_mj: Option<u64>,
+    /// Where the energy comes from; `None` if none is known.
+    pub energy_from: Option<EnergySource>,
 }
 
 /// Sums up what one drive uses.
@@ -317,8 +335,14 @@ impl UsageMeter {
     /// What is to be kept at `now`, if it has changed and the last time is at least `after` ago.
     pub fn take_unkept(&mut self, now: MonoTime, after: Duration) -> Option<KeptUsage> {
         let counter_mj = self.counter.as_ref().and_then(|counter| counter.last_mj);
-        let usage = KeptUsage { totals: self.totals, counter_mj };
-        let is_due = usage != self.kept.0 && now.since(self.kept.1) >= after;
+        let energy_from = match (&self.counter, &self.power) {
+            (Some(_), _) => Some(EnergySource::Counter),
+            (None, power) => power.as_ref().map(|_| EnergySource::Power),
+        };
+        let usage = KeptUsage { totals: self.totals, counter_mj, energy_from };
+        let KeptUsage { totals, counter_mj: kept_mj, .. } = self.kept.0;
+        let has_changed = (usage.totals, usage.counter_mj) != (totals, kept_mj);
+        let is_due = has_changed && now.since(self.kept.1) >= after;
         is_due.then(|| {
             self.kept = (usage, now);
             usage

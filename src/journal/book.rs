@@ -2,7 +2,7 @@
 //! and returns what is to be written; while writing is impossible, it keeps the newest.
 
 use super::audit::{Audit, Lost};
-use super::days::{Day, Days};
+use super::days::{Day, DayUsage, Days};
 use super::entry::{Attempt, Entry};
 use super::record::{LeaseChange, Record};
 use super::remembered::{Remembered, RememberedLease};
@@ -141,7 +141,8 @@ impl Book {
         let before = *memory;
         memory.take(entry);
         if let Entry::Usage(usage) = entry {
-            self.days.add(name, Day::of(moment), usage.totals.since(&before.usage.totals));
+            let totals = usage.totals.since(&before.usage.totals);
+            self.days.add(name, Day::of(moment), DayUsage { totals, energy_from: usage.energy_from });
             self.used.insert(name.clone());
             self.used_since.get_or_insert(at);
         } else if *memory != before {

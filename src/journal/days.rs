@@ -5,7 +5,8 @@ use super::memory::{totals, totals_to_json};
 use super::row::day_crc;
 use crate::domain::ids::Name;
 use crate::domain::time::WallTime;
-use crate::drive::usage::UsageTotals;
+use crate::drive::usage::{EnergySource, UsageTotals};
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Days that are stored of each drive: a year and a month.
@@ -33,13 +34,22 @@ impl Day {
     }
 }
 
+/// What a drive used on one day.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DayUsage {
+    /// The sums.
+    pub totals: UsageTotals,
+    /// Where the energy comes from; `None` if none is known.
+    pub energy_from: Option<EnergySource>,
+}
+
 /// The sums of one drive and day.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     /// What the file holds from before this process; `None` while that was not read.
     before: Option<UsageTotals>,
     /// What this process has added.
-    since: UsageTotals,
+    since: DayUsage,
 }
 
 /// The sums of days that are to be written.
@@ -51,12 +61,14 @@ pub struct Days {
 
 impl Days {
     /// The drive called `name` has used `more` on `day`.
-    pub fn add(&mut self, name: &Name, day: Day, more: UsageTotals) {
-        if more == UsageTotals::default() {
+    pub fn add(&mut self, name: &Name, day: Day, more: DayUsage) {
+        if more.totals == UsageTotals::default() {
             return;
         }
         let key = (name.clone(), day);
-        self.sums.entry(key.clone()).or_default().since += more;
+        let since = &mut self.sums.entry(key.clone()).or_default().since;
+        since.totals += more.totals;
+        since.energy_from = more.energy_from;
         self.touched.insert(key);
     }
 
@@ -75,12 +87,12 @@ impl Days {
     }
 
     /// The sums that are to be written.
-    pub fn waiting(&self) -> impl Iterator<Item = (&Name, Day, UsageTotals)> {
+    pub fn waiting(&self) -> impl Iterator<Item = (&Name, Day, DayUsage)> {
         self.touched.iter().filter_map(|key| {
             let sum = self.sums.get(key)?;
             let mut totals = sum.before.unwrap_or_default();
-            totals += sum.since;
-            Some((&key.0, key.1, totals))
+            totals += sum.since.totals;
+            Some((&key.0, key.1, DayUsage { totals, ..sum.since }))
         })
     }
 
@@ -105,15 +117,90 @@ impl Days {
 
 /// The stored form of sums, and its CRC.
 #[must_use]
-pub fn to_row(name: &str, day: Day, totals: &UsageTotals) -> (String, u32) {
-    let body = totals_to_json(totals).to_string();
+pub fn to_row(name: &str, day: Day, usage: &DayUsage) -> (String, u32) {
+    let mut body = totals_to_json(&usage.totals);
+    body["energy_from"] = usage.energy_from.map(EnergySource::word).into();
+    let body = body.to_string();
     let crc = day_crc(name, day.0, &body);
     (body, crc)
 }
 
 /// Sums from their stored form; `None` if it is damaged.
 #[must_use]
-pub fn from_row(name: &str, day: Day, body: &str, crc: u32) -> Option<UsageTotals> {
-    let is_sound = day_crc(name, day.0, body) == crc;
-    is_sound.then(|| serde_json::from_str(body).ok().map(|body| totals(&body))).flatten()
+pub fn from_row(name: &str, day: Day, body: &str, crc: u32) -> Option<DayUsage> {
+    if day_crc(name, day.0, body) != crc {
+        return None;
+    }
+    let body: Value = serde_json::from_str(body).ok()?;
+    let energy_from = body["energy_from"].as_str().and_then(EnergySource::named);
+    Some(DayUsage { totals: totals(&body), energy_from })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    const HOUR: UsageTotals = UsageTotals { energy_mj: 36, running: Duration::from_secs(3600), starts: 1, trips: 0 };
+
+    fn pump() -> Name {
+        Name::new("pump-1").unwrap()
+    }
+
+    fn waiting(days: &Days) -> Vec<(Day, u64)> {
+        days.waiting().map(|(_, day, usage)| (day, usage.totals.energy_mj)).collect()
+    }
+
+    fn used() -> DayUsage {
+        DayUsage { totals: HOUR, energy_from: Some(EnergySource::Power) }
+    }
+
+    #[test]
+    fn a_day_is_written_as_a_whole_with_what_the_file_holds() {
+        let mut days = Days::default();
+        days.add(&pump(), Day(3), DayUsage::default());
+        assert_eq!(days.len(), 0, "nothing was used");
+        days.add(&pump(), Day(3), used());
+        assert_eq!(days.unread(), [(pump(), Day(3))]);
+        days.read(&(pump(), Day(3)), UsageTotals { energy_mj: 100, ..UsageTotals::default() });
+        assert_eq!((days.unread().len(), waiting(&days)), (0, vec![(Day(3), 136)]));
+        assert_eq!(waiting(&days), [(Day(3), 136)], "a write that is repeated changes nothing");
+        days.written();
+        days.add(&pump(), Day(3), used());
+        assert_eq!((days.unread().len(), waiting(&days)), (0, vec![(Day(3), 172)]), "the file is not read again");
+        days.written();
+        days.touch_all();
+        assert_eq!(waiting(&days), [(Day(3), 172)], "into a new file");
+    }
+
+    #[test]
+    fn a_clock_that_jumps_adds_to_the_day_that_it_shows() {
+        let mut days = Days::default();
+        for day in [Day(20_000), Day(0), Day(20_000)] {
+            days.add(&pump(), day, used());
+            for key in days.unread() {
+                days.read(&key, UsageTotals { energy_mj: 1000, ..UsageTotals::default() });
+            }
+            assert_eq!(waiting(&days), [(day, 1036)]);
+            days.written();
+        }
+        assert_eq!(days.sums.len(), 1, "what is far from the newest day is not remembered");
+    }
+
+    #[test]
+    fn days_are_those_of_utc() {
+        for (unix_ms, day) in [(0, 0), (DAY_MS - 1, 0), (DAY_MS, 1), (-1, -1), (i64::MAX, i32::MAX)] {
+            assert_eq!(Day::of(WallTime { unix_ms }), Day(day), "{unix_ms}");
+        }
+        assert_eq!(Day(1).begin().unix_ms, DAY_MS);
+    }
+
+    #[test]
+    fn what_is_stored_is_read_back_and_damage_shows() {
+        let (body, crc) = to_row("pump-1", Day(7), &used());
+        assert_eq!(from_row("pump-1", Day(7), &body, crc), Some(used()));
+        for (name, day, body) in [("pump-2", 7, body.clone()), ("pump-1", 8, body.clone()), ("pump-1", 7, body + " ")] {
+            assert_eq!(from_row(name, Day(day), &body, crc), None, "{name} {day} {body}");
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use super::entry::Entry;
 use super::remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
 use super::words;
-use crate::drive::usage::{KeptUsage, UsageTotals};
+use crate::drive::usage::{EnergySource, KeptUsage, UsageTotals};
 use crate::drive::view::TripEventKind;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -37,6 +37,7 @@ impl Remembered {
     pub fn to_json(&self) -> String {
         let mut usage = totals_to_json(&self.usage.totals);
         usage["counter_mj"] = self.usage.counter_mj.into();
+        usage["energy_from"] = self.usage.energy_from.map(EnergySource::word).into();
         json!({
             "trips": self.trips.map(|it| json!({ "count": it.count, "held": it.held, "code": it.code })),
             "trips_total": self.trips_total,
@@ -64,9 +65,14 @@ impl Remembered {
             Some(RememberedLease { owner, was_orphaned: it["was_orphaned"].as_bool()? })
         };
         let trips_total = u32::try_from(value["trips_total"].as_u64()?).ok()?;
-        let usage = |it: &Value| KeptUsage { totals: totals(it), counter_mj: it["counter_mj"].as_u64() };
+        let usage = |it: &Value| KeptUsage {
+            totals: totals(it),
+            counter_mj: it["counter_mj"].as_u64(),
+            energy_from: it["energy_from"].as_str().and_then(EnergySource::named),
+        };
         // Earlier versions summed up trips only.
-        let trips_only = KeptUsage { totals: UsageTotals { trips: trips_total, ..UsageTotals::default() }, counter_mj: None };
+        let seen = UsageTotals { trips: trips_total, ..UsageTotals::default() };
+        let trips_only = KeptUsage { totals: seen, ..KeptUsage::default() };
         let there = |key: &str| Some(&value[key]).filter(|it| !it.is_null());
         Some(Self {
             trips: there("trips").map(trips),
@@ -133,6 +139,7 @@ mod tests {
                     trips: 5,
                 },
                 counter_mj: Some(6),
+                energy_from: Some(EnergySource::Power),
             },
         };
         let stop = Some(RememberedStop { coast: false });

@@ -23,9 +23,9 @@ pub mod words;
 #[cfg(test)]
 mod tests;
 
+pub use crate::drive::usage::KeptUsage;
 pub use book::{Book, NewEvent};
 pub use entry::{Attempt, AttemptId, Cause, Entry, Keep, RowNumber, Tried};
-pub use crate::drive::usage::KeptUsage;
 pub use remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
 pub use row::{Row, Table};
 pub use stored::StoredEvent;

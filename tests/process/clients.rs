@@ -28,7 +28,7 @@ const READS: &[(&str, &str)] = &[
     ("coils:1:0:1", r#"{"exception": 1}"#),
     ("coils:101:3:2", r#"{"exception": 2}"#),
     ("discrete:101:16:1", r#"{"exception": 2}"#),
-    ("read:101:31:2", r#"{"exception": 2}"#),
+    ("read:101:39:2", r#"{"exception": 2}"#),
     ("read_input:101:32:1", r#"{"exception": 2}"#),
     ("read:9:0:1", r#"{"exception": 10}"#),
     ("write:101:0:1", r#"{"exception": 2}"#),

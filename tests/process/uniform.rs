@@ -46,7 +46,7 @@ fn every_refusal_has_its_exception_and_no_frame() {
         ("write:101:259:1", 0x02),      // nor outcomes
         ("read:101:32:1", 0x02),        // behind the map
         ("read:101:262:1", 0x02),       // behind control
-        ("read:101:31:2", 0x02),        // half outside
+        ("read:101:39:2", 0x02),        // half outside
         ("write:1:0x020C:100", 0x02),   // a register that no list names
         ("write:1:0x0201:3000", 0x02),  // nor this one, which is the setting itself
         ("write:1:0x0002:7", 0x03),     // no run command

@@ -156,6 +156,16 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         ],
     ),
     help(
+        "usage",
+        "Energy comes from the drive's own counter where the model has one, else it is summed up from the output power. \
+         Days are those of UTC; they are kept for a year. A reset asks the running gateway and stands in the audit.",
+        &[
+            ("vfd-gateway usage -c vfd-gateway.toml", "show the last two weeks of each drive"),
+            ("vfd-gateway usage pump-1 --csv", "list all days of one drive, for a spreadsheet"),
+            ("vfd-gateway usage pump-1 --reset", "begin at 0 again, with a new drive or motor"),
+        ],
+    ),
+    help(
         "verify",
         "Reads from the drive and changes nothing. Lists what can only be checked at the drive itself.",
         &[("vfd-gateway verify pump-1 -c vfd-gateway.toml", "show the required and the present value of each setting")],

@@ -4,12 +4,13 @@ use super::answers::json;
 use super::{params, setup, watchdog};
 use crate::config::change::ChangeNote;
 use crate::daemon::exchange::shared::SharedDrive;
-use crate::daemon::local::LocalSide;
+use crate::daemon::local::{LocalSide, Who};
 use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
 use crate::domain::address::Address;
-use crate::domain::command::{Go, Outcome, Reason, Report};
+use crate::domain::command::{Go, Outcome, Owner, Reason, Report};
 use crate::domain::problem::Problem;
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
+use crate::north::shown;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, State};
@@ -28,6 +29,7 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
     Router::new()
         .route("/api/v1/drives/{name}/setup", get(look).post(set))
         .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
+        .route("/api/v1/drives/{name}/usage/reset", post(reset_usage))
         .route("/api/v1/reload", post(reload))
         .merge(params::router())
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
@@ -87,6 +89,17 @@ pub(super) fn not_understood(name: &str, message: String) -> Response {
     let mut answer = refusal(name, Reason::NotUnderstood);
     answer["message"] = message.into();
     (StatusCode::BAD_REQUEST, json(&answer)).into_response()
+}
+
+/// Sets what the drive has used back to 0. The answer has the sums before.
+async fn reset_usage(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let before = shown::usage(&drive.view.load());
+    if !side.reset_usage(Who::TOOL, drive.description.place) {
+        return too_many(&name);
+    }
+    tracing::info!(drive = name, by = %Owner::Local, %before, "energy, running hours, starts and trips set back to 0");
+    json(&serde_json::json!({ "drive": name, "before": before })).into_response()
 }
 
 async fn reload(State(side): State<Arc<LocalSide>>) -> Response {

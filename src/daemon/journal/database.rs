@@ -202,8 +202,8 @@ impl Database {
             let mut put = transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
             put.execute(params![name, body, memory_crc(name, &body)])?;
         }
-        for (name, day, totals) in book.days.waiting() {
-            days::put(&transaction, name.as_str(), day, &totals)?;
+        for (name, day, usage) in book.days.waiting() {
+            days::put(&transaction, name.as_str(), day, &usage)?;
         }
         for name in book.forgotten() {
             transaction.execute("DELETE FROM drive WHERE name = ?", [name.as_str()])?;

@@ -10,7 +10,8 @@ const APPLICATION: i64 = 0x5646_4447;
 const LOG_BYTES_KEPT: u64 = 4 * 1024 * 1024;
 
 /// Statements that migrate the tables from each version to the next, oldest first.
-const STEPS: [&str; VERSION as usize] = ["
+const STEPS: [&str; VERSION as usize] = [
+    "
     CREATE TABLE event (
         number INTEGER PRIMARY KEY AUTOINCREMENT, at INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT,
         body TEXT NOT NULL, crc INTEGER NOT NULL, taken INTEGER NOT NULL DEFAULT 0);
@@ -23,11 +24,13 @@ const STEPS: [&str; VERSION as usize] = ["
         body TEXT NOT NULL, crc INTEGER NOT NULL);
     CREATE TABLE drive (name TEXT PRIMARY KEY, body TEXT NOT NULL, crc INTEGER NOT NULL) WITHOUT ROWID;
     CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
-", "
+",
+    "
     CREATE TABLE day (
         drive TEXT NOT NULL, day INTEGER NOT NULL, body TEXT NOT NULL, crc INTEGER NOT NULL,
         PRIMARY KEY (drive, day)) WITHOUT ROWID;
-"];
+",
+];
 
 /// The kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -63,7 +63,10 @@ fn energy_that_is_fed_back_is_not_subtracted() {
     let mut power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
     power.registers.iter_mut().filter(|it| it.role == Some(Role::OutputPower)).for_each(|it| it.signed = true);
     let fed_back = (-20_i16).cast_unsigned();
-    assert_eq!(energy_after(&power, KeptUsage::default(), &[(0, 10), (4, 10), (8, fed_back), (12, fed_back)]), 6_000_000);
+    assert_eq!(
+        energy_after(&power, KeptUsage::default(), &[(0, 10), (4, 10), (8, fed_back), (12, fed_back)]),
+        6_000_000
+    );
 }
 
 #[test]
@@ -84,7 +87,8 @@ fn nothing_is_measured_over_a_time_in_which_the_drive_was_offline() {
 fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
     let counter = with(Role::Energy, UnitOfMeasure::KilowattHour, 10);
     const TENTH: u64 = 360_000_000;
-    let kept = |counter_mj| KeptUsage { totals: UsageTotals { energy_mj: 7, ..UsageTotals::default() }, counter_mj };
+    let totals = UsageTotals { energy_mj: 7, ..UsageTotals::default() };
+    let kept = |counter_mj| KeptUsage { totals, counter_mj, ..KeptUsage::default() };
     for (before, readings, tenths, why) in [
         (None, &[(0, 500)][..], 0, "what it counted before it was connected"),
         (None, &[(0, 500), (60, 501), (120, 503)], 3, "rises"),
@@ -152,12 +156,8 @@ fn a_drive_has_the_sums_that_its_model_can_tell() {
 
 #[test]
 fn a_sum_is_shown_in_full_steps() {
-    let totals = UsageTotals {
-        energy_mj: 3_599_999_999,
-        running: Duration::from_millis(3_599_999),
-        starts: 7,
-        trips: 2,
-    };
+    let totals =
+        UsageTotals { energy_mj: 3_599_999_999, running: Duration::from_millis(3_599_999), starts: 7, trips: 2 };
     let view = UsageView { parts: UsageParts::of(&with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10)), totals };
     let shown = UsagePart::ALL.map(|part| view.value(part).unwrap().to_string());
     assert_eq!(shown, ["0.99", "0.99", "7", "2"]);

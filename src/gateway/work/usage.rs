@@ -3,10 +3,10 @@
 use super::{DriveWork, Out};
 use crate::domain::command::Owner;
 use crate::domain::time::MonoTime;
+use crate::drive::plan::Pace;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::usage::{UsageMeter, UsageParts, UsageTotals, UsageView};
 use crate::drive::view::{TripEvent, TripEventKind};
-use crate::drive::plan::Pace;
 use crate::journal::{Entry, KeptUsage, RowNumber};
 use crate::profile::model::Model;
 use std::collections::VecDeque;

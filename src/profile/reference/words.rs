@@ -221,7 +221,10 @@ pub(super) const WORDS: &[Words] = &[
             ("torque", "The torque."),
             ("temperature", "The temperature of the drive."),
             ("run-hours", "The hours that the motor has run."),
-            ("energy", "The energy that the drive has counted, in kWh or MWh and polled. It is shown as what the drive has used; without such a register that is summed up from the output power."),
+            (
+                "energy",
+                "The energy that the drive has counted, in kWh or MWh and polled. It is shown as what the drive has used; without such a register that is summed up from the output power.",
+            ),
             (
                 "trip-history",
                 "The number of an older trip. Several registers may have it; the newest trip is at the lowest address.",

@@ -103,6 +103,11 @@ impl SimDrive {
             Role::OutputVoltage => self.voltage(output),
             Role::DcLinkVoltage => self.dc_link(output),
             Role::OutputPower => power(self.current(output), self.voltage(output)),
+            // As if it ran at its rated power all the time.
+            Role::Energy => {
+                let power = power(self.rated_current(), self.rated_voltage());
+                (self.run_clock.microhours(at) / 1000).saturating_mul(power / 1000)
+            }
             Role::Torque => self.share(100 * MICRO, output) * output.signum(),
             Role::Temperature => 25 * MICRO + self.share(20 * MICRO, output),
             Role::TripFrequency => trip.frequency,

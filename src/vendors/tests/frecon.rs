@@ -3,7 +3,7 @@
 use super::*;
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{
-    Ampere, Celsius, Hertz, Hour, Kilowatt, None as Plain, Percent, Rpm, Second, Volt,
+    Ampere, Celsius, Hertz, Hour, Kilowatt, KilowattHour, None as Plain, Percent, Rpm, Second, Volt,
 };
 use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, SecondSource};
@@ -88,7 +88,7 @@ const REGISTERS: [Row; 102] = [
     (0x3020, Some("U00.32"),    1, Celsius,  Read,      SecondSource), // motor temperature
     (0x3021, Some("U00.33"),    1, Rpm,      Read,      SecondSource), // encoder speed
     (0x3022, Some("U00.34"),    1, Plain,    Read,      SecondSource), // encoder lines
-    (0x3023, Some("U00.35"),    1, Plain,    Read,      SecondSource), // energy, kWh
+    (0x3023, Some("U00.35"),    1, KilowattHour, Read,   SecondSource),
     (0x3024, Some("U00.36"),    1, Plain,    Read,      SecondSource), // VDI5 to VDI1
     (0x3025, Some("U00.37"),    1, Plain,    Read,      SecondSource), // VDO5 to VDO1
     (0x3026, Some("U00.38"),    1, Plain,    Read,      SecondSource), // pulse or card lines
@@ -165,6 +165,7 @@ fn registers_have_their_uses() {
         (Role::DcLinkVoltage, 0x3006),
         (Role::Temperature, 0x3017),
         (Role::RunHours, 0x301B),
+        (Role::Energy, 0x3023),
         (Role::Torque, 0x301F),
         (Role::TripCause, 0x3100),
         (Role::TripFrequency, 0x3101),

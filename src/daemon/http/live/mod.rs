@@ -13,6 +13,7 @@ mod source;
 #[cfg(test)]
 mod tests;
 mod trend;
+mod usage;
 
 use super::large::Room;
 use super::state::State;

@@ -1,6 +1,6 @@
 //! The routes of the live documents.
 
-use super::{Live, journal, trend};
+use super::{Live, journal, trend, usage};
 use crate::daemon::http::answers::json;
 use crate::daemon::http::lasting::Lasting;
 use axum::body::Body;
@@ -27,6 +27,7 @@ pub fn router(live: Arc<Live>) -> Router {
         .route("/api/v1/trend", get(trend::trend))
         .route("/api/v1/advice", get(advice))
         .route("/api/v1/journal", get(journal::rows))
+        .route("/api/v1/usage", get(usage::days))
         .with_state(live)
 }
 

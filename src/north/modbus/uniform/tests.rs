@@ -297,10 +297,10 @@ fn there_is_nothing_outside_of_the_map_and_no_partial_answer() {
     let unit = unit();
     let view = testing::view();
     for (pdu, right) in [
-        (&[3, 0, 31, 0, 1][..], Taken::Words),
+        (&[3, 0, 39, 0, 1][..], Taken::Words),
         (&[3, 1, 5, 0, 1], Taken::Words),
-        (&[3, 0, 31, 0, 2], Taken::Exception(2)),
-        (&[4, 0, 32, 0, 1], Taken::Exception(2)),
+        (&[3, 0, 39, 0, 2], Taken::Exception(2)),
+        (&[4, 0, 40, 0, 1], Taken::Exception(2)),
         (&[4, 1, 0, 0, 1], Taken::Exception(2)),
         (&[3, 0, 32, 0, 1], Taken::Exception(2)),
         (&[3, 0, 255, 0, 2], Taken::Exception(2)),
@@ -360,7 +360,7 @@ fn a_write_is_an_order_where_there_is_control_and_never_allowed_elsewhere() {
 
 #[test]
 fn a_write_that_cannot_also_read_orders_nothing() {
-    let pdu = [0x17, 0, 32, 0, 1, 1, 0, 0, 1, 2, 0, 1];
+    let pdu = [0x17, 0, 40, 0, 1, 1, 0, 0, 1, 2, 0, 1];
     assert_eq!(take(&unit(), &pdu, &testing::view(), NOW).0, Taken::Refused(Reason::NotListed));
 }
 

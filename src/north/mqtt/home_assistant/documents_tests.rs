@@ -195,7 +195,8 @@ fn everything_hangs_on_gateway_and_drive_but_a_stop_and_what_tells_of_them() {
             assert_eq!(document["availability_mode"], "all");
             assert_eq!(topics[0], "vfd/plant/status");
             let is_of_the_gateway =
-                matches!(key.as_str(), "connected" | "stop" | "coast" | "last_command" | "last_reason");
+                matches!(key.as_str(), "connected" | "stop" | "coast" | "last_command" | "last_reason")
+                    || key.starts_with("usage_");
             let of_drive: Vec<Value> =
                 if is_of_the_gateway { Vec::new() } else { vec!["vfd/plant/drive/pump-1/availability".into()] };
             assert_eq!(topics[1..], of_drive.iter().collect::<Vec<_>>(), "{component} {key}");

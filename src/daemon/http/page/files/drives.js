@@ -269,12 +269,12 @@ class Card {
     this.marks.replaceChildren(...marks.map(([, kind, label]) => h("li", { class: kind }, label)));
   }
 
-  draw_values({ values = [] }) {
+  draw_values({ values = [], usage }) {
     const is_first = (value) => value.unit && value.unit !== "Hz" && value.unit !== "s";
     const rank = ({ role }) => (LOOKED_FOR.includes(role) ? LOOKED_FOR.indexOf(role) : LOOKED_FOR.length);
     const by_rank = values.filter(is_first).sort((one, other) => rank(one) - rank(other));
     const first = by_rank.slice(0, FIRST_VALUES);
-    const others = values.filter((value) => !first.includes(value));
+    const others = [...values.filter((value) => !first.includes(value)), ...used(usage)];
     keyed(this.values, this.rows, first, (value) => value.name, (value) => new Row(value));
     keyed(this.others, this.rest, others, (value) => value.name, (value) => new Row(value));
     first.forEach((value) => this.rows.get(value.name).take(value));
@@ -340,6 +340,13 @@ class Row {
     const { quality, age_ms, taken } = this.value;
     text(this.note, quality === "stale" ? t("value.stale", { age: span(age_ms + now - taken) }) : quality === "never" ? t("value.never") : "");
   }
+}
+
+/** What the drive has used, as values. */
+function used(usage) {
+  const units = { energy_kwh: "kWh", running_hours: "h", starts: null, trips: null };
+  const known = Object.entries(units).filter(([key]) => typeof usage?.[key] === "number");
+  return known.map(([key, unit]) => ({ name: `used.${key}`, label: t(`used.${key}`), unit, value: usage[key], text: null, quality: "good" }));
 }
 
 function decimals(value) {
