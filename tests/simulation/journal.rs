@@ -85,7 +85,21 @@ impl Journal {
             Entry::StopPending { coast } => memory.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => memory.stop = None,
             Entry::ResetWord { may_stand } => memory.reset = *may_stand,
-            Entry::Attempt(_) | Entry::Ended { .. } | Entry::FailSafe { .. } | Entry::Presence(_) => {}
+            Entry::Usage(usage) => {
+                let before = std::mem::replace(&mut memory.usage, *usage).totals;
+                let now = usage.totals;
+                // Nobody resets them here.
+                let is_less = now.energy_mj < before.energy_mj || now.running < before.running;
+                assert!(
+                    !is_less && now.starts >= before.starts && now.trips >= before.trips,
+                    "{before:?}, then {now:?}"
+                );
+            }
+            Entry::Attempt(_)
+            | Entry::Ended { .. }
+            | Entry::FailSafe { .. }
+            | Entry::Presence(_)
+            | Entry::UsageReset { .. } => {}
         }
     }
 

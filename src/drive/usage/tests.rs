@@ -2,7 +2,11 @@
 
 use super::*;
 use crate::domain::address::Address;
+use crate::domain::time::MonoTime;
+use crate::drive::plan::Pace;
+use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::testing::{model, with_status};
+use crate::profile::model::PollClass;
 
 const POLL: Duration = Duration::from_secs(1);
 

@@ -1,7 +1,7 @@
 //! Repeated orders to stop: whether the drive's readings confirm that there is nothing to stop, and which client keeps
 //! stopping it although others start it.
 
-use super::usage::Usage;
+use super::sums::Sums;
 use super::{DriveWork, Out};
 use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Owner, RunIntent};
@@ -43,7 +43,7 @@ impl DriveWork {
     /// Sets the drive's poll pace.
     #[must_use]
     pub fn polled(self, pace: Pace) -> Self {
-        let usage = Usage::new(&self.model, pace);
+        let usage = Sums::new(&self.model, pace);
         let mut polled = Self { pace, usage, ..self };
         polled.guard.bases_stale_after(pace.period(PollClass::Slow) * STALE_PERIODS);
         polled

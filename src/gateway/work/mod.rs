@@ -4,6 +4,7 @@ mod again;
 mod command;
 mod exchange;
 mod leaving;
+mod looks;
 mod pass;
 mod readings;
 mod remembered;
@@ -11,6 +12,7 @@ mod reset;
 mod rows;
 mod standing;
 mod start;
+mod sums;
 mod usage;
 mod watchdog;
 
@@ -31,7 +33,7 @@ use crate::drive::trips::TripWatch;
 use crate::drive::view::{ControlView, RunState, StatusView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
 use crate::guard::{DriveGuard, Facts};
-use crate::profile::model::{Flag, Model, Role};
+use crate::profile::model::{Flag, Model};
 use crate::wire::pdu::Request;
 use again::Answered;
 pub use readings::Reading;
@@ -40,7 +42,7 @@ use standing::Standing;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
-use usage::Usage;
+use sums::Sums;
 
 /// Maximum number of commands per drive that wait for the one in execution.
 pub const COMMANDS_MAX: usize = 8;
@@ -133,7 +135,7 @@ pub struct DriveWork {
     /// Number of commands so far, which is the number of the newest.
     commands: u16,
     /// What the drive has used.
-    usage: Usage,
+    usage: Sums,
     has_changed: bool,
 }
 
@@ -169,7 +171,7 @@ impl DriveWork {
             ramps_reverse: None,
             pace: Pace::new(Duration::ZERO, 1.0),
             watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
-            looks: looks(model),
+            looks: looks::of(model),
             rest_until: None,
             deaf_until: MonoTime::ZERO,
             is_stopping: false,
@@ -183,7 +185,7 @@ impl DriveWork {
             again: None,
             last: None,
             commands: 0,
-            usage: Usage::new(model, Pace::new(Duration::ZERO, 1.0)),
+            usage: Sums::new(model, Pace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
     }
@@ -379,25 +381,5 @@ impl DriveWork {
     pub(super) fn count(&mut self, waiter: &mut Waiter) {
         self.commands = self.commands.wrapping_add(1);
         waiter.set_number(self.commands);
-    }
-}
-
-/// The output frequency, and the status register where that tells whether the drive is ordered to run: in one read if
-/// the model allows it.
-fn looks(model: &Model) -> Vec<(Address, u16)> {
-    let output = model.register_for(Role::OutputFrequency).map(|register| (register.address, register.form.words()));
-    let status = model.status_flag(Flag::Running).map(|flag| flag.address);
-    let (Some((output, words)), Some(status)) = (output, status) else {
-        return output.or(status.map(|address| (address, 1))).into_iter().collect();
-    };
-    let first = output.min(status);
-    let last = output.saturating_add(words - 1).max(status);
-    let count = last.offset_from(first).and_then(|offset| offset.checked_add(1)).unwrap_or(u16::MAX);
-    let is_known = |it| model.readable_at(it).is_some() || model.is_readable_hole(it);
-    let all_known = || first.onwards().take(count.into()).all(is_known);
-    if count <= model.words_in_one_read(first) && all_known() {
-        vec![(first, count)]
-    } else {
-        vec![(status, 1), (output, words)]
     }
 }

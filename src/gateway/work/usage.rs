@@ -3,62 +3,14 @@
 use super::{DriveWork, Out};
 use crate::domain::command::Owner;
 use crate::domain::time::MonoTime;
-use crate::drive::plan::Pace;
 use crate::drive::snapshot::DriveSnapshot;
-use crate::drive::usage::{UsageMeter, UsageParts, UsageTotals, UsageView};
+use crate::drive::usage::UsageView;
 use crate::drive::view::{TripEvent, TripEventKind};
-use crate::journal::{Entry, KeptUsage, RowNumber};
-use crate::profile::model::Model;
-use std::collections::VecDeque;
+use crate::journal::Entry;
 use std::time::Duration;
 
 /// What has been used is returned to be kept this often: it is lost if the process is killed.
 const KEEP_EVERY: Duration = Duration::from_secs(3);
-
-/// Most sums that wait for their rows. Beyond that, only the newest of them is shown.
-const UNKEPT_MAX: usize = 8;
-
-/// What a drive has used: measured, and shown as far as its rows are durable, so that no sum falls after a kill.
-#[derive(Debug)]
-pub(super) struct Usage {
-    meter: UsageMeter,
-    shown: UsageView,
-    /// Sums to show once these rows are durable.
-    unkept: VecDeque<(RowNumber, UsageTotals)>,
-}
-
-impl Usage {
-    /// Nothing used so far.
-    pub fn new(model: &Model, pace: Pace) -> Self {
-        let shown = UsageView { parts: UsageParts::of(model), totals: UsageTotals::default() };
-        Self { meter: UsageMeter::new(model, pace), shown, unkept: VecDeque::new() }
-    }
-
-    /// Continues from what an earlier process has kept.
-    pub fn remember(&mut self, kept: KeptUsage) {
-        self.meter.remember(kept);
-        self.shown.totals = kept.totals;
-    }
-
-    /// Shows `totals` once `row` is durable; without a journal, at once.
-    fn show(&mut self, row: Option<RowNumber>, totals: UsageTotals) {
-        let is_full = self.unkept.len() >= UNKEPT_MAX;
-        match (row, self.unkept.back_mut()) {
-            (None, _) => self.shown.totals = totals,
-            (Some(row), Some(newest)) if is_full => *newest = (row, totals),
-            (Some(row), _) => self.unkept.push_back((row, totals)),
-        }
-    }
-
-    /// Everything up to `row` is durable. Returns whether that changes what is shown.
-    pub fn kept(&mut self, row: RowNumber) -> bool {
-        let before = self.unkept.len();
-        while let Some((_, totals)) = self.unkept.pop_front_if(|(it, _)| *it <= row) {
-            self.shown.totals = totals;
-        }
-        self.unkept.len() != before
-    }
-}
 
 impl DriveWork {
     /// What it has used, as it is shown.

@@ -178,7 +178,7 @@ fn registers_have_their_uses() {
     assert_eq!(polled(&model, PollClass::Second), NOTHING);
     assert_eq!(polled(&model, PollClass::Slow), [0x0101, 0x0200, 0x3017, 0x301B, 0x301F]);
     assert_eq!(polled(&model, PollClass::Hourly), [0x0014, 0x0015, 0x0016, 0x0017]);
-    assert_eq!(polled(&model, PollClass::Minutely), [0x0B0B, 0x0F03], "its watchdog");
+    assert_eq!(polled(&model, PollClass::Minutely), [0x0B0B, 0x0F03, 0x3023], "its watchdog, and energy");
 }
 
 #[test]

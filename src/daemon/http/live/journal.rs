@@ -1,8 +1,8 @@
 //! Rows of the journal for HTTP clients, read on other threads and bounded in number.
 
 use super::Live;
+use super::answers::wrong;
 use super::query::Query;
-use super::routes::wrong;
 use crate::daemon::host::clock;
 use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;

@@ -3,6 +3,7 @@
 //! One task compares the drive views twice a second. What has changed becomes one text for all listeners; without
 //! listeners none is made. Nothing here causes traffic on a line.
 
+mod answers;
 mod events;
 mod journal;
 mod last_state;

@@ -1,7 +1,7 @@
 //! The routes of the live documents.
 
+use super::answers::{fresh, wrong};
 use super::{Live, journal, trend, usage};
-use crate::daemon::http::answers::json;
 use crate::daemon::http::lasting::Lasting;
 use axum::body::Body;
 use axum::extract::State;
@@ -9,7 +9,7 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::sync::Arc;
 
 /// Proxies must not cache or buffer the stream.
@@ -51,14 +51,4 @@ async fn events(State(live): State<Arc<Live>>, Extension(lasting): Extension<Las
         );
     };
     (EVENTS, Body::new(listener)).into_response()
-}
-
-/// A document that must not be cached.
-pub fn fresh(document: &Value) -> Response {
-    ([(header::CACHE_CONTROL, "no-store")], json(document)).into_response()
-}
-
-/// What is wrong, for people.
-pub fn wrong(status: StatusCode, what: impl Into<String>) -> Response {
-    (status, json(&json!({ "error": what.into() }))).into_response()
 }

@@ -1,8 +1,8 @@
 //! The trend of a drive: the last hour from memory, longer spans from what is kept on the disk.
 
 use super::Live;
+use super::answers::{fresh, wrong};
 use super::query::Query;
-use super::routes::{fresh, wrong};
 use crate::daemon::host::clock;
 use crate::daemon::trends;
 use crate::north::page::history::{History, Names};

@@ -1,8 +1,8 @@
 //! What a drive used on each day, for HTTP clients.
 
 use super::Live;
+use super::answers::{fresh, wrong};
 use super::query::Query;
-use super::routes::{fresh, wrong};
 use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::reader::connect;
 use axum::extract::{RawQuery, State};

@@ -302,7 +302,7 @@ fn there_is_nothing_outside_of_the_map_and_no_partial_answer() {
         (&[3, 0, 39, 0, 2], Taken::Exception(2)),
         (&[4, 0, 40, 0, 1], Taken::Exception(2)),
         (&[4, 1, 0, 0, 1], Taken::Exception(2)),
-        (&[3, 0, 32, 0, 1], Taken::Exception(2)),
+        (&[3, 0, 40, 0, 1], Taken::Exception(2)),
         (&[3, 0, 255, 0, 2], Taken::Exception(2)),
         (&[3, 1, 5, 0, 2], Taken::Exception(2)),
         (&[3, 0xFF, 0xFF, 0, 1], Taken::Exception(2)),
@@ -367,4 +367,16 @@ fn a_write_that_cannot_also_read_orders_nothing() {
 #[test]
 fn a_write_that_orders_nothing_is_done_at_once() {
     assert_eq!(take(&unit(), &[5, 0, 3, 0, 0], &testing::view(), NOW).0, Taken::Nothing);
+}
+
+#[test]
+fn what_the_drive_has_used_stands_in_two_words_each() {
+    let (unit, present) = (unit(), Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt });
+    let words =
+        |view: &DriveView| (32..40).map(|address| unit.word(address, view, &present).unwrap()).collect::<Vec<_>>();
+    assert_eq!(words(&testing::view()), [1, 0x1170, 0, 15, 1, 0x1170, 0, 2]);
+    assert_eq!(words(&DriveView::default()), [ABSENT; 8], "not known");
+    let mut most = testing::view();
+    most.usage.totals.energy_mj = u64::MAX;
+    assert_eq!(words(&most)[..2], [0xFFFF, 0xFFFE], "it does not wrap, and is not absent");
 }

@@ -1,0 +1,190 @@
+//! Sums up what one drive uses, reading by reading.
+
+use super::{EnergySource, KeptUsage, MJ_PER_KWH, UsageTotals};
+use crate::domain::time::MonoTime;
+use crate::domain::units::UnitOfMeasure;
+use crate::drive::plan::Pace;
+use crate::drive::snapshot::DriveSnapshot;
+use crate::profile::model::{Model, PollClass, Register};
+use std::time::Duration;
+
+/// How many planned periods may lie between two readings that are measured between.
+const GAP_PERIODS: u32 = 3;
+/// The most that one drive is believed to take: 1 MW, in millijoules per millisecond. A counter that rises faster is that
+/// of another drive, or was read while it carried from one register into the next.
+const MJ_PER_MS_MAX: u64 = 1_000_000;
+
+/// Sums up what one drive uses.
+#[derive(Clone, Debug)]
+pub struct UsageMeter {
+    power: Option<Power>,
+    counter: Option<Counter>,
+    /// The most that may lie between two readings of the run state.
+    running_gap: Duration,
+    /// When the run state was last read, while readings follow each other.
+    seen_at: Option<MonoTime>,
+    /// Whether it ran when that was last known.
+    ran: Option<bool>,
+    totals: UsageTotals,
+    /// The last that was returned to be kept, and when.
+    kept: (KeptUsage, MonoTime),
+}
+
+/// The output power of a drive.
+#[derive(Clone, Debug)]
+struct Power {
+    register: Register,
+    gap: Duration,
+    /// The last reading in milliwatts.
+    last: Option<(u64, MonoTime)>,
+}
+
+/// The energy counter of a drive.
+#[derive(Clone, Debug)]
+struct Counter {
+    register: Register,
+    /// The last reading in millijoules.
+    last_mj: Option<u64>,
+    /// When this process read it.
+    read_at: Option<MonoTime>,
+}
+
+impl UsageMeter {
+    /// A meter for drives of `model`, polled at `pace`.
+    #[must_use]
+    pub fn new(model: &Model, pace: Pace) -> Self {
+        let gap = |class| pace.period(class) * GAP_PERIODS;
+        let power = |register: &Register| Power {
+            register: register.clone(),
+            gap: gap(register.poll.unwrap_or(PollClass::Slow)),
+            last: None,
+        };
+        let counter = super::counter(model).map(|it| Counter { register: it.clone(), last_mj: None, read_at: None });
+        Self {
+            power: super::power(model).filter(|_| counter.is_none()).map(power),
+            counter,
+            running_gap: gap(PollClass::Fast),
+            seen_at: None,
+            ran: None,
+            totals: UsageTotals::default(),
+            kept: (KeptUsage::default(), MonoTime::ZERO),
+        }
+    }
+
+    /// Continues from what an earlier process has kept.
+    pub fn remember(&mut self, kept: KeptUsage) {
+        self.totals = kept.totals;
+        if let Some(counter) = &mut self.counter {
+            counter.last_mj = kept.counter_mj;
+        }
+        self.kept.0 = kept;
+    }
+
+    /// The sums.
+    #[must_use]
+    pub const fn totals(&self) -> &UsageTotals {
+        &self.totals
+    }
+
+    /// The run state was read at `at`: the motor runs or is ordered to; `None` if that is not known.
+    pub fn take_running(&mut self, runs: Option<bool>, at: MonoTime) {
+        let Some(runs) = runs else { return };
+        let since = self.seen_at.map(|seen_at| at.since(seen_at)).filter(|since| *since <= self.running_gap);
+        if let (Some(true), Some(since)) = (self.ran, since) {
+            self.totals.running = self.totals.running.saturating_add(since);
+        }
+        if runs && self.ran == Some(false) {
+            self.totals.starts = self.totals.starts.saturating_add(1);
+        }
+        self.seen_at = Some(at);
+        self.ran = Some(runs);
+    }
+
+    /// Registers of the drive were read: power and energy are in `snapshot` as far as they are known.
+    pub fn take_readings(&mut self, snapshot: &DriveSnapshot) {
+        let used = match (&mut self.counter, &mut self.power) {
+            (Some(counter), _) => counter.take(snapshot),
+            (None, Some(power)) => power.take(snapshot),
+            (None, None) => 0,
+        };
+        self.totals.energy_mj = self.totals.energy_mj.saturating_add(used);
+    }
+
+    /// The drive tripped this many times.
+    pub fn tripped(&mut self, trips: u16) {
+        self.totals.trips = self.totals.trips.saturating_add(trips.into());
+    }
+
+    /// The drive is offline: nothing is measured until it is back.
+    pub const fn out_of_sight(&mut self) {
+        self.seen_at = None;
+        if let Some(power) = &mut self.power {
+            power.last = None;
+        }
+    }
+
+    /// Sets all sums back to 0.
+    pub const fn reset(&mut self) {
+        self.totals = UsageTotals { energy_mj: 0, running: Duration::ZERO, starts: 0, trips: 0 };
+    }
+
+    /// What is to be kept at `now`, if it has changed and the last time is at least `after` ago.
+    pub fn take_unkept(&mut self, now: MonoTime, after: Duration) -> Option<KeptUsage> {
+        let counter_mj = self.counter.as_ref().and_then(|counter| counter.last_mj);
+        let energy_from = match (&self.counter, &self.power) {
+            (Some(_), _) => Some(EnergySource::Counter),
+            (None, power) => power.as_ref().map(|_| EnergySource::Power),
+        };
+        let usage = KeptUsage { totals: self.totals, counter_mj, energy_from };
+        let KeptUsage { totals, counter_mj: kept_mj, .. } = self.kept.0;
+        let has_changed = (usage.totals, usage.counter_mj) != (totals, kept_mj);
+        let is_due = has_changed && now.since(self.kept.1) >= after;
+        is_due.then(|| {
+            self.kept = (usage, now);
+            usage
+        })
+    }
+}
+
+impl Power {
+    /// The energy in millijoules between the last two readings.
+    fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
+        let Some(reading) = snapshot.value(&self.register) else { return 0 };
+        if self.last.is_some_and(|(_, at)| at == reading.at) {
+            return 0;
+        }
+        let (raw, scale) = reading.value.fraction();
+        // Energy that is fed back is none that was used.
+        let milliwatts = u64::try_from(raw.max(0).saturating_mul(1_000_000) / scale.max(1)).unwrap_or(0);
+        let before = self.last.replace((milliwatts, reading.at));
+        let Some((before, at)) = before else { return 0 };
+        let span = reading.at.since(at);
+        if span > self.gap {
+            return 0;
+        }
+        let used = u128::from(before + milliwatts) * span.as_micros() / 2_000_000;
+        u64::try_from(used).unwrap_or(u64::MAX)
+    }
+}
+
+impl Counter {
+    /// The energy in millijoules since the last reading. A counter that has fallen was reset, or is that of another drive:
+    /// counting goes on from where it is.
+    fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
+        let Some(reading) = snapshot.value(&self.register) else { return 0 };
+        if self.read_at == Some(reading.at) {
+            return 0;
+        }
+        let (raw, scale) = reading.value.fraction();
+        let unit = if self.register.unit == UnitOfMeasure::MegawattHour { 1000 * MJ_PER_KWH } else { MJ_PER_KWH };
+        let step = i128::from(unit) / i128::from(scale.max(1));
+        let now_mj = u64::try_from(i128::from(raw.max(0)) * step).unwrap_or(u64::MAX);
+        let before = self.last_mj.replace(now_mj);
+        let read_before = self.read_at.replace(reading.at);
+        let rise = before.and_then(|before| now_mj.checked_sub(before)).unwrap_or(0);
+        let Some(read_before) = read_before else { return rise };
+        let span_ms = u64::try_from(reading.at.since(read_before).as_millis()).unwrap_or(u64::MAX);
+        let believed = span_ms.saturating_mul(MJ_PER_MS_MAX).saturating_add(u64::try_from(step).unwrap_or(0));
+        if rise <= believed { rise } else { 0 }
+    }
+}
