@@ -29,7 +29,7 @@ const READS: &[(&str, &str)] = &[
     ("coils:101:3:2", r#"{"exception": 2}"#),
     ("discrete:101:16:1", r#"{"exception": 2}"#),
     ("read:101:39:2", r#"{"exception": 2}"#),
-    ("read_input:101:32:1", r#"{"exception": 2}"#),
+    ("read_input:101:40:1", r#"{"exception": 2}"#),
     ("read:9:0:1", r#"{"exception": 10}"#),
     ("write:101:0:1", r#"{"exception": 2}"#),
     ("write:101:257:499", r#"{"exception": 3}"#),
@@ -107,7 +107,7 @@ fn masks_reads_with_writes_and_identification_are_answered() {
 fn many_requests_at_once_get_each_its_own_answer_and_a_second_connection_goes_on() {
     let plant = Plant::new();
     let together = "together:read:101:20:1|read:101:21:1|read:1:529:1|read:9:0:1|read:101:20:2|discrete:101:0:1|\
-                    coils:101:3:1|read:1:274:2|read_input:1:529:2|read:101:0:1|read:255:3:1|read:101:32:1";
+                    coils:101:3:1|read:1:274:2|read_input:1:529:2|read:101:0:1|read:255:3:1|read:101:40:1";
     let expected = json!([
         {"words": [500]}, {"words": [5000]}, {"words": [3]}, {"exception": 10}, {"words": [500, 5000]},
         {"bits": [true]}, {"bits": [false]}, {"words": [0, 0]}, {"words": [3, 3]}, {"words": [1]}, {"words": [1]},

@@ -85,7 +85,7 @@ static void functions(modbus_t *ctx)
 
     EXPECT_REFUSED(modbus_read_bits(ctx, 0, 5, bits), EMBXILADD);
     EXPECT_REFUSED(modbus_read_input_bits(ctx, 16, 1, bits), EMBXILADD);
-    EXPECT_REFUSED(modbus_read_registers(ctx, 31, 2, words), EMBXILADD);
+    EXPECT_REFUSED(modbus_read_registers(ctx, 39, 2, words), EMBXILADD);
     EXPECT_REFUSED(modbus_read_input_registers(ctx, 65535, 1, words), EMBXILADD);
     EXPECT_REFUSED(modbus_write_register(ctx, 0, 1), EMBXILADD);
     EXPECT_REFUSED(modbus_write_register(ctx, 257, 499), EMBXILVAL);

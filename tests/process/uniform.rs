@@ -44,7 +44,7 @@ fn every_refusal_has_its_exception_and_no_frame() {
         ("coils:1:0:1", 0x01),          // not served on a native unit
         ("write:101:0:1", 0x02),        // measurements are not written
         ("write:101:259:1", 0x02),      // nor outcomes
-        ("read:101:32:1", 0x02),        // behind the map
+        ("read:101:40:1", 0x02),        // behind the map
         ("read:101:262:1", 0x02),       // behind control
         ("read:101:39:2", 0x02),        // half outside
         ("write:1:0x020C:100", 0x02),   // a register that no list names

@@ -134,7 +134,8 @@ impl WordRow {
                 }
             }
             From::Usage(part, steps) => {
-                let used = look.view.usage.steps(part, steps).map(|used| used.min(u64::from(u32::MAX - 1)));
+                let used = look.view.usage.steps(part, steps).filter(|_| unit.sources.usage.has(part));
+                let used = used.map(|used| used.min(u64::from(u32::MAX - 1)));
                 self.long(address, used.and_then(|used| i64::try_from(used).ok()))
             }
         }
