@@ -1,6 +1,7 @@
 //! Shared by scenarios: a rig of one line with simulated drives under a virtual clock, and configurations.
 
 pub mod families;
+pub mod mixed;
 pub mod sheet;
 
 use std::collections::HashMap;
