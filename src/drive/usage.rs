@@ -79,7 +79,7 @@ impl AddAssign for UsageTotals {
 /// Where the energy comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EnergySource {
-    /// The drive's own counter.
+    /// The drive's own counter, and readings of its output power between two steps of that.
     Counter,
     /// Summed up from readings of its output power.
     Power,
@@ -209,6 +209,8 @@ pub struct KeptUsage {
     pub totals: UsageTotals,
     /// The last reading of the drive's own energy counter, in millijoules.
     pub counter_mj: Option<u64>,
+    /// What of the energy was added since the last step of that counter, in millijoules.
+    pub between_mj: u64,
     /// Where the energy comes from; `None` if none is known.
     pub energy_from: Option<EnergySource>,
 }

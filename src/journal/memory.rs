@@ -37,6 +37,7 @@ impl Remembered {
     pub fn to_json(&self) -> String {
         let mut usage = totals_to_json(&self.usage.totals);
         usage["counter_mj"] = self.usage.counter_mj.into();
+        usage["between_mj"] = self.usage.between_mj.into();
         usage["energy_from"] = self.usage.energy_from.map(EnergySource::word).into();
         json!({
             "trips": self.trips.map(|it| json!({ "count": it.count, "held": it.held, "code": it.code })),
@@ -68,6 +69,7 @@ impl Remembered {
         let usage = |it: &Value| KeptUsage {
             totals: totals(it),
             counter_mj: it["counter_mj"].as_u64(),
+            between_mj: it["between_mj"].as_u64().unwrap_or(0),
             energy_from: it["energy_from"].as_str().and_then(EnergySource::named),
         };
         // Earlier versions summed up trips only.
@@ -139,6 +141,7 @@ mod tests {
                     trips: 5,
                 },
                 counter_mj: Some(6),
+                between_mj: 5,
                 energy_from: Some(EnergySource::Power),
             },
         };

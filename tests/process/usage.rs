@@ -1,11 +1,12 @@
 //! What drives have used outlives a kill, is found on every way, and is set back only on request.
 
-use super::plant::Plant;
+use super::plant::{Plant, Wish};
 use super::raw::Raw;
 use super::rig::vfd_gateway;
 use super::started::{PATIENCE, until};
 use serde_json::Value;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 const RUNNING: &str = "vfd_gateway_drive_running_seconds_total{line=\"hall-1\",drive=\"pump-1\"}";
 const STARTS: &str = "vfd_gateway_drive_starts_total{line=\"hall-1\",drive=\"pump-1\"}";
@@ -61,4 +62,41 @@ fn sums_outlive_a_kill_are_found_on_every_way_and_begin_again_on_request() {
     let unknown = vfd_gateway(&["usage", "pump-2", "-c", &config, "--reset", "--yes"]);
     let said = String::from_utf8_lossy(&unknown.stderr).into_owned();
     assert!(unknown.status.code() == Some(2) && said.contains("did you mean pump-1?"), "{said}");
+}
+
+/// The running time of the drive in the journal's file.
+fn kept(plant: &Plant) -> Duration {
+    let file = plant.place.file("data").join("journal.db");
+    let database = rusqlite::Connection::open(file).unwrap();
+    let body: String =
+        database.query_row("SELECT body FROM drive WHERE name = 'pump-1'", [], |row| row.get(0)).unwrap();
+    let body: Value = serde_json::from_str(&body).unwrap();
+    Duration::from_millis(body["usage"]["running_ms"].as_u64().unwrap())
+}
+
+/// `KILLS=100 cargo test --test process how_much_running_time -- --ignored --nocapture`
+#[test]
+#[ignore = "a measurement of some minutes"]
+fn how_much_running_time_is_lost_by_kills() {
+    let kills = std::env::var("KILLS").map_or(20, |text| text.parse().expect("KILLS is a number"));
+    let mut plant = Plant::with(Wish { lost_after: "10min", ..Wish::default() });
+    // It goes on running while the gateway is away.
+    let text = std::fs::read_to_string(&plant.file).unwrap();
+    std::fs::write(&plant.file, text.replace("on_commander_lost = \"stop\"", "on_commander_lost = \"hold\"")).unwrap();
+    plant.run_over_mqtt();
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut lost = Vec::new();
+    for _ in 0..kills {
+        plant.gateway.kill();
+        let before = kept(&plant);
+        plant.start_gateway_again();
+        let begun = Instant::now();
+        std::thread::sleep(Duration::from_millis(random.u64(1_000..20_000)));
+        let ran = begun.elapsed();
+        plant.gateway.kill();
+        lost.push(ran.saturating_sub(kept(&plant).saturating_sub(before)));
+        plant.start_gateway_again();
+    }
+    lost.sort();
+    println!("{kills} kills: lost {:.1?} (median), {:.1?} at most", lost[lost.len() / 2], lost[lost.len() - 1]);
 }

@@ -47,6 +47,10 @@ struct Counter {
     last_mj: Option<u64>,
     /// When this process read it.
     read_at: Option<MonoTime>,
+    /// One step of it in millijoules.
+    step_mj: u64,
+    /// What was added since its last step, by readings of the output power.
+    between_mj: u64,
 }
 
 impl UsageMeter {
@@ -59,10 +63,9 @@ impl UsageMeter {
             gap: gap(register.poll.unwrap_or(PollClass::Slow)),
             last: None,
         };
-        let counter = super::counter(model).map(|it| Counter { register: it.clone(), last_mj: None, read_at: None });
         Self {
-            power: super::power(model).filter(|_| counter.is_none()).map(power),
-            counter,
+            power: super::power(model).map(power),
+            counter: super::counter(model).map(Counter::new),
             running_gap: gap(PollClass::Fast),
             seen_at: None,
             ran: None,
@@ -76,6 +79,7 @@ impl UsageMeter {
         self.totals = kept.totals;
         if let Some(counter) = &mut self.counter {
             counter.last_mj = kept.counter_mj;
+            counter.between_mj = kept.between_mj;
         }
         self.kept.0 = kept;
     }
@@ -102,11 +106,8 @@ impl UsageMeter {
 
     /// Registers of the drive were read: power and energy are in `snapshot` as far as they are known.
     pub fn take_readings(&mut self, snapshot: &DriveSnapshot) {
-        let used = match (&mut self.counter, &mut self.power) {
-            (Some(counter), _) => counter.take(snapshot),
-            (None, Some(power)) => power.take(snapshot),
-            (None, None) => 0,
-        };
+        let by_power = self.power.as_mut().map_or(0, |power| power.take(snapshot));
+        let used = self.counter.as_mut().map_or(by_power, |counter| counter.take(snapshot, by_power));
         self.totals.energy_mj = self.totals.energy_mj.saturating_add(used);
     }
 
@@ -135,7 +136,8 @@ impl UsageMeter {
             (Some(_), _) => Some(EnergySource::Counter),
             (None, power) => power.as_ref().map(|_| EnergySource::Power),
         };
-        let usage = KeptUsage { totals: self.totals, counter_mj, energy_from };
+        let between_mj = self.counter.as_ref().map_or(0, |counter| counter.between_mj);
+        let usage = KeptUsage { totals: self.totals, counter_mj, between_mj, energy_from };
         let KeptUsage { totals, counter_mj: kept_mj, .. } = self.kept.0;
         let has_changed = (usage.totals, usage.counter_mj) != (totals, kept_mj);
         let is_due = has_changed && now.since(self.kept.1) >= after;
@@ -168,23 +170,53 @@ impl Power {
 }
 
 impl Counter {
-    /// The energy in millijoules since the last reading. A counter that has fallen was reset, or is that of another drive:
-    /// counting goes on from where it is.
-    fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
-        let Some(reading) = snapshot.value(&self.register) else { return 0 };
-        if self.read_at == Some(reading.at) {
-            return 0;
+    fn new(register: &Register) -> Self {
+        Self { register: register.clone(), last_mj: None, read_at: None, step_mj: 0, between_mj: 0 }
+    }
+
+    /// The energy in millijoules that is to be added. Until the counter makes its next step, that is what the readings of
+    /// the output power tell, `by_power`, but less than a step; the step then settles it.
+    fn take(&mut self, snapshot: &DriveSnapshot, by_power: u64) -> u64 {
+        match self.rise(snapshot) {
+            Some(Rise::Used(used)) => used.saturating_sub(std::mem::take(&mut self.between_mj)),
+            Some(Rise::NotBelieved) => {
+                self.between_mj = 0;
+                0
+            }
+            None => {
+                let room = self.step_mj.saturating_sub(1).saturating_sub(self.between_mj);
+                let more = by_power.min(room);
+                self.between_mj += more;
+                more
+            }
         }
+    }
+
+    /// What a new reading tells; `None` without one, or if the counter stands where it was.
+    fn rise(&mut self, snapshot: &DriveSnapshot) -> Option<Rise> {
+        let reading = snapshot.value(&self.register).filter(|reading| self.read_at != Some(reading.at))?;
         let (raw, scale) = reading.value.fraction();
         let unit = if self.register.unit == UnitOfMeasure::MegawattHour { 1000 * MJ_PER_KWH } else { MJ_PER_KWH };
-        let step = i128::from(unit) / i128::from(scale.max(1));
-        let now_mj = u64::try_from(i128::from(raw.max(0)) * step).unwrap_or(u64::MAX);
-        let before = self.last_mj.replace(now_mj);
+        self.step_mj = unit.unsigned_abs() / scale.unsigned_abs().max(1);
+        let now_mj = raw.max(0).unsigned_abs().saturating_mul(self.step_mj);
+        let before_mj = self.last_mj.replace(now_mj);
         let read_before = self.read_at.replace(reading.at);
-        let rise = before.and_then(|before| now_mj.checked_sub(before)).unwrap_or(0);
-        let Some(read_before) = read_before else { return rise };
-        let span_ms = u64::try_from(reading.at.since(read_before).as_millis()).unwrap_or(u64::MAX);
-        let believed = span_ms.saturating_mul(MJ_PER_MS_MAX).saturating_add(u64::try_from(step).unwrap_or(0));
-        if rise <= believed { rise } else { 0 }
+        let Some(rise) = now_mj.checked_sub(before_mj?) else { return Some(Rise::NotBelieved) };
+        let span_ms = read_before
+            .map_or(u64::MAX, |before| u64::try_from(reading.at.since(before).as_millis()).unwrap_or(u64::MAX));
+        let most = span_ms.saturating_mul(MJ_PER_MS_MAX).saturating_add(self.step_mj);
+        match rise {
+            0 => None,
+            rise if rise <= most => Some(Rise::Used(rise)),
+            _ => Some(Rise::NotBelieved),
+        }
     }
+}
+
+/// What a reading of a counter tells.
+enum Rise {
+    /// This much was used, in millijoules.
+    Used(u64),
+    /// It was reset, wrapped, or is that of another drive: counting goes on from where it is.
+    NotBelieved,
 }

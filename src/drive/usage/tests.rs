@@ -110,6 +110,46 @@ fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
 }
 
 #[test]
+fn between_two_steps_of_a_counter_the_output_power_tells_what_is_used() {
+    let mut both = with(Role::Energy, UnitOfMeasure::KilowattHour, 1);
+    let counter = both.register_for(Role::Energy).cloned().unwrap();
+    let power = Register {
+        address: Address::from(0x3001_u16),
+        role: Some(Role::OutputPower),
+        unit: UnitOfMeasure::Kilowatt,
+        ..counter
+    };
+    both.registers.push(power);
+    let mut meter = UsageMeter::new(&both, pace());
+    let mut snapshot = DriveSnapshot::default();
+    let mut now = 0;
+    // For so many seconds at this power, read every 4 s, the counter standing at so many kilowatt hours.
+    let mut run = |meter: &mut UsageMeter, for_s: u64, kilowatts: u16, counted: u16| {
+        let before = meter.totals().energy_mj;
+        for _ in 0..for_s / 4 {
+            now += 4;
+            snapshot.take(Address::from(0x3000_u16), &[counted, kilowatts], seconds(now));
+            meter.take_readings(&snapshot);
+            assert!(meter.totals().energy_mj >= before, "it never falls");
+        }
+        (meter.totals().energy_mj - before) / 3_600_000
+    };
+    assert_eq!(run(&mut meter, 4, 36, 500), 0, "the first reading");
+    assert_eq!(run(&mut meter, 60, 36, 500), 600, "36 kW for a minute: 600 Wh");
+    assert_eq!(run(&mut meter, 4, 36, 501), 400, "the step settles it at 1 kWh, whatever power told");
+    assert_eq!(run(&mut meter, 200, 36, 501), 999, "less than a step");
+    assert_eq!(run(&mut meter, 4, 36, 502), 0, "the step was there already");
+    assert_eq!(run(&mut meter, 60, 36, 502), 600);
+    let kept = meter.take_unkept(MonoTime::from_millis(1), Duration::ZERO).unwrap();
+    let mut meter = UsageMeter::new(&both, pace());
+    meter.remember(kept);
+    assert_eq!(run(&mut meter, 4, 36, 503), 400, "after a restart, too");
+    assert_eq!(run(&mut meter, 60, 36, 503), 600);
+    assert_eq!(run(&mut meter, 4, 36, 3), 0, "the drive was replaced: what power told stays");
+    assert_eq!(run(&mut meter, 4, 36, 4), 1000);
+}
+
+#[test]
 fn running_time_and_starts_follow_the_readings() {
     for (readings, running, starts, why) in [
         (&[(0, Some(true)), (1, Some(true))][..], 1, 0, "found running"),
