@@ -34,7 +34,7 @@ fn every_file_is_served_and_all_are_small() {
     let empty: Vec<_> = files().filter(|file| file.bytes.is_empty()).map(|file| file.name).collect();
     assert!(empty.is_empty(), "{empty:?}");
     let lazy = quoted_behind(text(files().find(|file| file.name == "app.js").unwrap()), "lazy(\"./");
-    assert_eq!(lazy, ["traffic.js", "setup.js"]);
+    assert_eq!(lazy, ["traffic.js", "report.js", "setup.js"]);
     for Catalogue { language, .. } in CATALOGUES {
         let is_of_language = |name: &str| name.ends_with(&format!(".{language}.json"));
         // Panels that few use are fetched when they are opened; a page in English needs no sentences of the gateway.

@@ -9,7 +9,6 @@ import * as layout from "./layout.js";
 import * as lines from "./lines.js";
 import * as notify from "./notify.js";
 import * as problems from "./problems.js";
-import { Report } from "./report.js";
 import * as session from "./session.js";
 import * as signing from "./signing.js";
 import { Stream } from "./stream.js";
@@ -48,7 +47,7 @@ let names = { drives: [], lines: [] };
 const trend = new Trend(at("trend"));
 const journal = new Journal(at("journal"));
 const traffic = lazy("./traffic.js", at("traffic"));
-const report = new Report(at("report"));
+const report = lazy("./report.js", at("report"));
 const tabs = new Tabs(at("tabs"), [
   { id: "trend", label: t("tab.trend"), element: at("trend"), part: trend },
   { id: "journal", label: t("tab.journal"), element: at("journal"), part: journal },

@@ -14,7 +14,7 @@ const NUMERIC = HEADINGS.filter((heading) => !NAMED.includes(heading));
 const SHAPES = { good: "good", hint: "advice", problem: "problem" };
 
 /** The panel of the line's report. */
-export class Report {
+export class Panel {
   constructor(element) {
     this.element = element;
     this.line = h("select", { change: () => this.load() });
