@@ -3,7 +3,7 @@
 use super::LineTask;
 use super::serving::{Left, Uptime};
 use crate::daemon::host::clock;
-use crate::daemon::port::{Opener, Port};
+use crate::daemon::port::{Attempts, Opener, Port};
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::Input;
@@ -11,33 +11,9 @@ use rustix::io::Errno;
 use std::io;
 use std::pin::pin;
 use std::task::{Context, Poll};
-use std::time::Duration;
 
-/// First wait before a port that could not be opened is retried; it doubles up to the longest.
-const REOPEN_FIRST: Duration = Duration::from_millis(100);
-/// Longest such wait: a replugged adapter is back within a second, including the first exchanges over it.
-const REOPEN_MAX: Duration = Duration::from_millis(400);
 /// Reasons that are remembered. Beyond that they are forgotten and may be logged again.
 const REASONS_MAX: usize = 16;
-
-/// How long to wait before the port is retried: longer each time, until it proves good.
-#[derive(Debug)]
-pub(super) struct Attempts {
-    wait: Duration,
-}
-
-impl Default for Attempts {
-    fn default() -> Self {
-        Self { wait: REOPEN_FIRST }
-    }
-}
-
-impl Attempts {
-    fn next_wait(&mut self) -> Duration {
-        let longer = (self.wait * 2).min(REOPEN_MAX);
-        std::mem::replace(&mut self.wait, longer)
-    }
-}
 
 /// The faults of the port that were logged. However often a port comes and goes, each reason is logged once, until the
 /// port has proved good.
@@ -242,13 +218,6 @@ mod tests {
         assert_eq!(fault_of(&Errno::AGAIN.into()), LineFault::Stuck);
         assert_eq!(fault_of(&io::ErrorKind::WriteZero.into()), LineFault::Stuck);
         assert_eq!(fault_of(&Errno::BADF.into()), LineFault::Failed);
-    }
-
-    #[test]
-    fn waits_grow_to_less_than_a_second() {
-        let mut attempts = Attempts::default();
-        let waits: Vec<_> = (0..6).map(|_| attempts.next_wait().as_millis()).collect();
-        assert_eq!(waits, [100, 200, 400, 400, 400, 400]);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::config::{PortAddress, SerialMasterSettings};
 use crate::daemon::exchange::totals::ModbusTotals;
 use crate::daemon::host::timer::Timer;
 use crate::daemon::modbus_server::{Listener, Master, Server};
-use crate::daemon::port::{Opener, PortSettings};
+use crate::daemon::port::{Attempts, Opener, PortSettings};
 use arc_swap::ArcSwap;
 use serving::{Gone, Task};
 use std::io;
@@ -16,15 +16,10 @@ use std::path::PathBuf;
 use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::task::AbortHandle;
 use tokio::time::sleep;
 
-/// First wait before a port is opened again; it doubles up to the longest, as for a line.
-const REOPEN_FIRST: Duration = Duration::from_millis(100);
-/// Longest such wait.
-const REOPEN_MAX: Duration = Duration::from_millis(400);
 /// Connections to the server that wait to be served: a port that is opened again brings one.
 const CONNECTIONS_MAX: usize = 4;
 
@@ -141,7 +136,7 @@ async fn open_and_serve(port: &PortSettings, task: &mut Task) {
     let ends = task.connections.clone();
     let mut ended = pin!(ends.closed());
     let mut opener = Opener::new(port);
-    let mut wait = REOPEN_FIRST;
+    let mut attempts = Attempts::default();
     let mut told = String::new();
     let master = task.settings.name;
     loop {
@@ -162,7 +157,7 @@ async fn open_and_serve(port: &PortSettings, task: &mut Task) {
                     Gone::Lost(error) => tracing::warn!(%master, port = %port.address, %error, "serial master lost"),
                 }
                 if has_heard {
-                    wait = REOPEN_FIRST;
+                    attempts = Attempts::default();
                     told.clear();
                 }
             }
@@ -178,8 +173,7 @@ async fn open_and_serve(port: &PortSettings, task: &mut Task) {
         }
         tokio::select! {
             () = &mut ended => return,
-            () = sleep(wait) => {}
+            () = sleep(attempts.next_wait()) => {}
         }
-        wait = (wait * 2).min(REOPEN_MAX);
     }
 }

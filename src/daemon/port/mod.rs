@@ -1,12 +1,14 @@
 //! The port of a line: a serial device or a connection to a serial device server, read and written without ever
 //! blocking.
 
+mod attempts;
 mod driver;
 mod lock;
 mod refused;
 mod serial;
 mod tcp;
 
+pub use attempts::Attempts;
 pub use driver::{Rs485, SerialInfo};
 
 use crate::config::PortAddress;
