@@ -57,6 +57,8 @@ mod back_doors;
 mod barriers;
 #[path = "scenarios/by_time.rs"]
 mod by_time;
+#[path = "scenarios/cached.rs"]
+mod cached;
 #[path = "scenarios/coils.rs"]
 mod coils;
 #[path = "scenarios/commander_lost.rs"]

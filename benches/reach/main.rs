@@ -1,7 +1,7 @@
 //! Measures the performance of the gateway and prints it as a table: `cargo bench --bench reach`, about twenty minutes.
 //!
-//! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, dead,
-//! late, stop, command, lost, retained, telemetry, sparkplug, page, uniform, crowd, setpoints, journal, memory, footprint,
+//! A part of the table by name: `cargo bench --bench reach -- paced`. Parts: paced, unpaced, shared, fair, along,
+//! dead, late, stop, command, lost, retained, telemetry, sparkplug, page, uniform, crowd, setpoints, journal, memory, footprint,
 //! library, unplug; most are shorter with `--quick`. Everything stays on this machine: pseudo-terminals and loopback. The
 //! brokers are processes started here: mosquitto if it is installed.
 
@@ -55,11 +55,12 @@ use table::Row;
 /// Measures one part of the table.
 type Part = fn() -> Vec<Row>;
 
-const PARTS: [(&str, Part); 21] = [
+const PARTS: [(&str, Part); 22] = [
     ("paced", paced::paced),
     ("unpaced", rows::unpaced),
     ("shared", rows::shared),
     ("fair", rows::fair),
+    ("along", rows::along),
     ("dead", rows::dead),
     ("late", rows::late),
     ("stop", stop::stop),

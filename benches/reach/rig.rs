@@ -31,6 +31,10 @@ pub struct Options {
     pub line_keys: &'static str,
     /// Further keys of each drive.
     pub drive_keys: &'static str,
+    /// Period of the fast polls.
+    pub poll: &'static str,
+    /// Further keys of the listener.
+    pub listener_keys: &'static str,
 }
 
 impl Options {
@@ -43,6 +47,8 @@ impl Options {
             bus: BusOptions::default(),
             line_keys: "",
             drive_keys: "",
+            poll: "1h",
+            listener_keys: "",
         }
     }
 
@@ -145,9 +151,9 @@ fn configuration(pty: &Pty, options: &Options) -> String {
     );
     for station in 1..=options.drives {
         text += &format!(
-            "[[line.drive]]\nname = \"d{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"1h\"\n{}",
-            options.drive_keys
+            "[[line.drive]]\nname = \"d{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"{}\"\n{}",
+            options.poll, options.drive_keys
         );
     }
-    text + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"
+    format!("{text}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{}", options.listener_keys)
 }

@@ -82,6 +82,34 @@ pub fn fair() -> Vec<Row> {
     ]
 }
 
+/// One client that walks over eight drives at 9600, beside polls every second: what it gets if it reads what is not polled,
+/// all that is polled, and the same with answers from memory.
+pub fn along() -> Vec<Row> {
+    const POLLED: [(u16, u16); 4] = [(0x0101, 1), (0x0112, 1), (0x0201, 1), (0x0211, 2)];
+    const OTHERS: [(u16, u16); 4] = [(PROOF, 1), (PROOF + 1, 1), (PROOF + 2, 1), (PROOF + 3, 2)];
+    let walk = |poll: &'static str, listener_keys: &'static str, reads: [(u16, u16); 4]| {
+        let rig = Rig::start(&Options { poll, listener_keys, ..Options::paced(8) });
+        let next = |_: usize, n: u64| {
+            let (address, count) = reads[(n / 8 % 4) as usize];
+            (1 + (n % 8) as u8, address, count)
+        };
+        let load = clients::run(rig.address, 1, 5 * SECOND, 20 * SECOND, next);
+        rig.stop();
+        load.rate()
+    };
+    let bare = walk("1h", "", POLLED);
+    let beside = walk("1s", "", OTHERS);
+    let polled = walk("1s", "", POLLED);
+    let cached = walk("1s", "cached = true\n", POLLED);
+    vec![
+        Row::told("8 drives at 9600: reads/s of one client on the bare line", format!("{bare:.2}")),
+        Row::told("the same beside polls every second, of what is not polled", format!("{beside:.2}")),
+        Row::told("the same, of all that is polled", format!("{polled:.2}")),
+        Row::at_least("what is polled, part of the bare line", 0.96, polled / bare),
+        Row::told("the same with `cached`, line and memory", format!("{cached:.0}")),
+    ]
+}
+
 /// One dead drive of eight; eight clients, one a drive.
 pub fn dead() -> Vec<Row> {
     let seven = |dead: Option<u8>| {

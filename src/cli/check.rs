@@ -106,12 +106,17 @@ fn of_master(master: &SerialMasterSettings) -> String {
         _ => "may read",
     };
     format!(
-        "serial master {} at {} ({} {framing}): {may}; answered within {} ms",
+        "serial master {} at {} ({} {framing}): {may}; answered within {} ms{}",
         master.name,
         master.port,
         master.link,
-        master.answer_within.as_millis()
+        master.answer_within.as_millis(),
+        of_memory(&master.serving)
     )
+}
+
+const fn of_memory(listener: &ListenerSettings) -> &'static str {
+    if listener.cached { "; native reads may be answered from memory" } else { "" }
 }
 
 /// The ways in beside Modbus TCP, a row each.
@@ -146,13 +151,14 @@ fn of_listener(listener: &ListenerSettings) -> String {
     };
     let roles = listener.tls.as_ref().map_or("", |_| ", each as far as the role in its certificate grants it");
     let renew = if listener.reads_renew { "; reads renew a lease" } else { "" };
+    let cached = of_memory(listener);
     let units = listener.units.as_ref().map_or_else(String::new, |units| format!("; units {} only", list(units)));
     let most = listener.connections_max.map_or_else(String::new, |most| format!("; at most {most} clients"));
     let priority = match &listener.priority[..] {
         [] => String::new(),
         networks => format!("; {} never give way to others", list(networks)),
     };
-    format!("Modbus TCP on {}: {rights}{roles}{renew}{units}{most}{priority}", listener.listen)
+    format!("Modbus TCP on {}: {rights}{roles}{renew}{cached}{units}{most}{priority}", listener.listen)
 }
 
 fn of_http(http: &HttpSettings) -> String {

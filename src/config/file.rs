@@ -282,6 +282,7 @@ pub(super) struct ListenerFile {
     pub write: OptionalKey<Vec<Spanned<IpNet>>>,
     pub stop: OptionalKey<Vec<Spanned<IpNet>>>,
     pub reads_renew: OptionalKey<bool>,
+    pub cached: OptionalKey<bool>,
     pub units: OptionalKey<Vec<Spanned<UnitId>>>,
     pub connections_max: OptionalKey<u32>,
     pub priority: OptionalKey<Vec<Spanned<IpNet>>>,

@@ -278,6 +278,7 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusTcp, "write", "list of networks inside `allow`", Some("[]: no client; with `tls` every client that may connect, according to its role"), "Who may command and write, if the drive allows it."),
     key(Section::ModbusTcp, "stop", "list of networks inside `allow`", Some("`write`"), "Who may stop. It must include every network in `write`."),
     key(Section::ModbusTcp, "reads_renew", "true or false", Some("false"), "Whether reads renew the lease of the client that controls a drive."),
+    key(Section::ModbusTcp, "cached", "true or false", Some("false"), "Whether a native read of polled registers may be answered from memory, with words of one reply that are no older than their poll period and than the last order for the drive."),
     key(Section::ModbusTcp, "units", "list of units of its drives", Some("all of its lines"), "The units that this listener serves, native or uniform. 255, the gateway itself, is always served."),
     key(Section::ModbusTcp, "connections_max", "1 to 65536", Some("10,240 for all listeners, or fewer if the limit of open files is lower"), "Maximum number of clients, without those with `priority`. One more replaces the client that was idle longest."),
     key(Section::ModbusTcp, "priority", "list of networks inside `allow`", Some("[]: no client"), "Clients whose connections are never closed for others, and for which some connections are reserved."),
@@ -305,6 +306,7 @@ pub const KEYS: &[Key] = &[
     key(Section::ModbusRtu, "allow_write", "true or false", Some("false"), "Whether the master may command and write, if the drive allows it with \"modbus-tcp\" in `from`."),
     key(Section::ModbusRtu, "allow_stop", "true or false", Some("`allow_write`"), "Whether the master may stop. It must be true if `allow_write` is."),
     key(Section::ModbusRtu, "reads_renew", "true or false", Some("false"), "Whether reads renew the lease of the master on the drive that it controls."),
+    key(Section::ModbusRtu, "cached", "true or false", Some("false"), "Whether a native read of polled registers may be answered from memory, as for Modbus TCP."),
     key(Section::ModbusRtu, "answer_within", "\"20ms\" to \"5s\"", Some("\"100ms\""), "Time from the end of a request within which an exception has been sent if the drive has not answered: 06 to a read, 0B to a write. Set it below the time-out of the master."),
 
     key(Section::Http, "listen", "address:port", None, "Where the page, /metrics, /healthz and /readyz are served."),

@@ -203,6 +203,8 @@ pub struct ListenerSettings {
     pub stop: Option<Vec<IpNet>>,
     /// Whether reads of a drive's owner renew its lease.
     pub reads_renew: bool,
+    /// Whether native reads may be answered from memory.
+    pub cached: bool,
     /// The units that answer here, besides 255 and 0. `None`: all units of its lines.
     pub units: Option<Vec<UnitId>>,
     /// Maximum number of connections, excluding those with priority. `None`: as many as there are places.

@@ -354,6 +354,7 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
         write,
         stop,
         reads_renew: listener.reads_renew.or(false)?,
+        cached: listener.cached.or(false)?,
         units: match &listener.units {
             OptionalKey::Absent => None,
             given => Some(lists::values(given)?),

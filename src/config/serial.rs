@@ -97,6 +97,7 @@ fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSetti
             given => Some(lists::values(given)?),
         },
         reads_renew: file.reads_renew.or(false)?,
+        cached: file.cached.or(false)?,
         units: match &file.units {
             OptionalKey::Absent => None,
             given => Some(lists::values(given)?),

@@ -50,6 +50,14 @@ pub struct NativeRequest {
     pub deadline: MonoTime,
 }
 
+impl NativeRequest {
+    /// Whether it writes to the drive.
+    #[must_use]
+    pub const fn writes(&self) -> bool {
+        matches!(self.ask, NativeAsk::Write { .. })
+    }
+}
+
 /// The answer to one native request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NativeAnswer {

@@ -128,6 +128,18 @@ impl PollPlan {
         }
     }
 
+    /// A read that was none of the polls brought `count` words from `address` on, the last byte of them at `at`: the groups
+    /// that lie in it are not due before their period has passed since then. Returns those groups.
+    pub fn was_read(&mut self, address: Address, count: u16, at: MonoTime) -> Vec<PollGroup> {
+        let pace = self.pace;
+        let read = within(&mut self.entries, address, count).map(|entry| {
+            entry.was_sent = true;
+            entry.due = entry.due.max(at + entry.group.period(pace));
+            entry.group
+        });
+        read.collect()
+    }
+
     /// The drive answered a read of `count` words from `address` on with an exception.
     pub fn refused(&mut self, address: Address, count: u16, now: MonoTime) {
         if self.bridges.last == Some((address, count)) {

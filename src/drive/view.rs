@@ -31,6 +31,17 @@ pub struct DriveView {
     pub watchdog: Option<WatchdogView>,
     /// What it has used.
     pub usage: UsageView,
+    /// What was ordered of it, for those who answer reads from memory.
+    pub orders: OrdersView,
+}
+
+/// Orders and writes for a drive. What was read before the last of them may show a state that they have ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OrdersView {
+    /// How many the line has taken, wrapping; renewals of a lease are none.
+    pub taken: u64,
+    /// When the last one was taken, or the last write was over; `None` while one is in progress.
+    pub settled_at: Option<MonoTime>,
 }
 
 impl DriveView {

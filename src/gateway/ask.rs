@@ -17,6 +17,9 @@ use crate::wire::pdu::function;
 
 impl LineCore {
     pub(super) fn on_native(&mut self, now: MonoTime, request: NativeRequest) {
+        if request.writes() {
+            self.order_taken(now, request.drive);
+        }
         let taken = match &request.ask {
             NativeAsk::Read { address, count } => self.take_read(now, &request, *address, *count),
             NativeAsk::Write { address, values } => self.take_write(now, &request, *address, values),
@@ -33,7 +36,16 @@ impl LineCore {
     /// A client gives a command.
     pub(super) fn on_command(&mut self, now: MonoTime, command: &CommandRequest) {
         let CommandRequest { asker, ticket, drive, .. } = *command;
+        if !command.order.is_no_attempt() {
+            self.order_taken(now, drive);
+        }
         self.command(now, command, Waiter::of_command(asker, ticket, drive));
+    }
+
+    fn order_taken(&mut self, now: MonoTime, drive: DriveIndex) {
+        if let Some(drive) = self.drives.get_mut(drive) {
+            drive.order_taken(now);
+        }
     }
 
     fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter) {

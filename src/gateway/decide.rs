@@ -10,7 +10,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
 use crate::line::barriers::TRY_PATIENCE;
 use crate::line::exchange::Exchange;
-use crate::line::schedule::ReadKey;
+use crate::line::schedule::{NativeQuery, ReadKey};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
@@ -207,7 +207,10 @@ impl LineCore {
         let may_go = |address, count| now >= station.unmistakable_at(&Request::Read { address, count });
         let taken = plan.take(index, now, &setup.model, may_go);
         let (address, count) = taken.unwrap_or((group.address, group.count));
-        (drive, Request::Read { address, count }, Purpose::Poll)
+        // A client may wait for the same words: then one exchange serves both.
+        let same = ReadKey { drive, what: NativeQuery::Words { address, count } };
+        let purpose = self.schedule.take_same(&same).map_or(Purpose::Poll, Purpose::Read);
+        (drive, Request::Read { address, count }, purpose)
     }
 
     /// When a frame may be sent. During babble there is no wait for silence.

@@ -4,14 +4,14 @@ use super::event::Effect;
 use super::measured::DriveMeasured;
 use super::outbox::Outbox;
 use super::setup::{DriveSetup, LineSetup};
-use super::work::{DriveWork, Rank, Reading, Want};
+use super::work::{DriveWork, Rank, Want};
 use crate::domain::address::Address;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
-use crate::drive::view::DriveView;
+use crate::drive::view::{DriveView, OrdersView};
 use crate::journal::Entry;
 use crate::line::barriers::Barriers;
 use crate::line::budget::Budget;
@@ -20,7 +20,6 @@ use crate::line::fault::{Fault, consequence};
 use crate::line::station::{Missing, StationState};
 use crate::line::timeouts::Class;
 use crate::line::timing::Timing;
-use crate::profile::model::PollClass;
 use crate::wire::pdu::Request;
 use std::ops::{Index, IndexMut};
 use std::time::Duration;
@@ -39,6 +38,10 @@ pub(super) struct DriveOnLine {
     /// Its control: stops, commands, trips, the guard.
     pub(super) work: DriveWork,
     pub(super) measured: DriveMeasured,
+    /// Orders and writes taken so far, wrapping.
+    orders_taken: u64,
+    /// When the last one was taken, or the last write was over.
+    ordered_at: MonoTime,
 }
 
 impl DriveOnLine {
@@ -55,6 +58,8 @@ impl DriveOnLine {
             snapshot: DriveSnapshot::default(),
             work: work.watched(line.watchdog_range(place)).polled(pace),
             measured: DriveMeasured::planned(budget.fast_age(place)),
+            orders_taken: 0,
+            ordered_at: now,
             setup: setup.clone(),
         }
     }
@@ -77,7 +82,18 @@ impl DriveOnLine {
             control: work.control_view(),
             watchdog: work.watchdog().view(),
             usage: work.usage_view(),
+            orders: OrdersView {
+                taken: self.orders_taken,
+                settled_at: (!work.has_orders()).then_some(self.ordered_at),
+            },
         }
+    }
+
+    /// An order or a write for it was taken, whatever follows from it.
+    pub(super) fn order_taken(&mut self, now: MonoTime) {
+        self.orders_taken = self.orders_taken.wrapping_add(1);
+        self.ordered_at = now;
+        self.work.mark_changed();
     }
 
     pub(super) fn port_opened(&mut self, now: MonoTime) {
@@ -175,6 +191,8 @@ impl DriveOnLine {
         if class == Class::Read {
             return;
         }
+        self.ordered_at = now;
+        self.work.mark_changed();
         self.station.pause_until(now + model.timing.pause_after(class == Class::StoredWrite));
         let deaf = request.written().filter_map(|address| model.deaf_after(address)).max();
         // Without a reply it may have been taken.
@@ -197,37 +215,6 @@ impl DriveOnLine {
             Ending::Exception(_) => plan.refused(address, count, now),
             Ending::Silent => plan.unanswered(address, count, now),
             Ending::Garbled => {}
-        }
-    }
-
-    /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
-    pub(super) fn take_words(
-        &mut self,
-        now: MonoTime,
-        read_at: MonoTime,
-        read: (Address, &[u16]),
-        effects: &mut Outbox,
-    ) {
-        let (address, words) = read;
-        let count = u16::try_from(words.len()).unwrap_or(u16::MAX);
-        for (place, word) in address.onwards().zip(words) {
-            if let Some(class) = self.setup.model.polled_at(place, address, count) {
-                if class == PollClass::Fast
-                    && let Some(last) = self.snapshot.reading(place)
-                {
-                    self.measured.aged(now.since(last.at), now);
-                }
-                // A reply that had to wait for the silence after it is as old as its last byte.
-                self.snapshot.take(place, &[*word], read_at);
-            }
-        }
-        let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
-        self.work.take_words(address, words, reading, now, effects);
-        if reading.is_its_own {
-            self.work.take_usage(&self.snapshot, read_at, effects);
-        }
-        if let Some(changed) = self.work.take_changed_basis() {
-            self.plan.ask_for(changed, now);
         }
     }
 

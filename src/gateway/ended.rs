@@ -82,13 +82,9 @@ impl LineCore {
                 || (fault == Some(Fault::Silent) && !was_silent),
             reply_bytes: self.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
         };
-        if let Purpose::Work(_) | Purpose::Poll = purpose
-            && let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (&exchange.request, &ending)
-        {
-            // What a process finds after it was suspended had arrived in time.
-            let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
-            self.drives[drive].take_words(now, read_at, (*address, words), &mut self.effects);
-        }
+        // What a process finds after it was suspended had arrived in time.
+        let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
+        self.take_words(now, read_at, drive, &purpose, (&exchange.request, &ending));
         self.tell_purpose(now, drive, purpose, (&exchange.request, ending, kind), doubt);
         self.forget_the_silent(now, drive);
         Some(done)
@@ -114,6 +110,24 @@ impl LineCore {
         };
         let kind = model.exception_kind(code);
         if kind == Some(ExceptionKind::DamagedFrame) { (Ending::Garbled, kind) } else { (ending, kind) }
+    }
+
+    /// Takes the words of an exchange, as far as they say something about the drive.
+    fn take_words(
+        &mut self,
+        now: MonoTime,
+        read_at: MonoTime,
+        drive: DriveIndex,
+        purpose: &Purpose,
+        (request, ending): (&Request, &Ending),
+    ) {
+        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending) else { return };
+        let drive = &mut self.drives[drive];
+        match purpose {
+            Purpose::Work(_) | Purpose::Poll => drive.take_words(now, read_at, (*address, words), &mut self.effects),
+            Purpose::Read(_) => drive.take_read(now, read_at, (*address, words), &mut self.effects),
+            Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => {}
+        }
     }
 
     /// Tells those who wait for the exchange how it ended.

@@ -41,6 +41,7 @@ mod station;
 mod stop;
 mod traffic;
 mod waiter;
+mod words;
 mod work;
 
 pub use self::core::LineCore;

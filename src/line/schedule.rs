@@ -160,6 +160,11 @@ impl Schedule {
         Some(job)
     }
 
+    /// Removes the native read of `key`, if it is queued: a poll of the same words is about to be sent.
+    pub fn take_same(&mut self, key: &ReadKey) -> Option<ReadJob> {
+        self.reads.remove(key)
+    }
+
     /// The queued native reads.
     pub fn reads(&self) -> impl Iterator<Item = &ReadKey> {
         self.reads.keys()
@@ -326,6 +331,17 @@ mod tests {
         let again = schedule.take_read(|_| true).unwrap();
         assert_eq!((again.key, again.repeated), (key(7_u16.into()), true));
         assert_eq!(again.waiters, [waiter(1), waiter(3)]);
+    }
+
+    #[test]
+    fn a_read_is_taken_in_the_place_of_a_poll_of_the_same_words_only() {
+        let mut schedule = Schedule::default();
+        schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)).unwrap();
+        assert!(schedule.take_same(&key(2_u16.into())).is_none());
+        let longer = ReadKey { what: NativeQuery::Words { address: 1_u16.into(), count: 2 }, ..key(1_u16.into()) };
+        assert!(schedule.take_same(&longer).is_none());
+        assert_eq!(schedule.take_same(&key(1_u16.into())).unwrap().waiters, [waiter(1)]);
+        assert!(schedule.take_same(&key(1_u16.into())).is_none());
     }
 
     #[test]

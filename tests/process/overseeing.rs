@@ -1,6 +1,7 @@
 //! Whoever watches the gateway: metrics, alive and ready, and the health check of a container.
 
-use super::plant::Plant;
+use super::outsiders::mbpoll;
+use super::plant::{Plant, Wish};
 use super::rig::vfd_gateway;
 use super::started::{PATIENCE, until};
 
@@ -55,4 +56,35 @@ fn metrics_and_health_say_what_runs_and_what_is_missing() {
         assert_eq!(vfd_gateway(way).status.code(), Some(1), "nobody there: {way:?}");
         assert_eq!(is_alive(way).status.code(), Some(1), "nobody there: {way:?}");
     }
+}
+
+#[test]
+fn reads_from_memory_and_their_age_are_counted_where_the_listener_allows_them() {
+    const POLL_S: f64 = 0.1;
+    let count = |plant: &Plant, name: &str| {
+        plant.metric(&format!("vfd_gateway_modbus_native_reads_{name}{{listener=\"127.0.0.1:0\"}}"))
+    };
+    let read = |plant: &Plant| {
+        let polled = mbpoll(plant.modbus, &["-r", "257", "-c", "1"]);
+        assert_eq!(polled.values, [0], "{}", polled.text);
+    };
+    let plant = Plant::with(Wish { listener: "cached = true", ..Wish::NONE });
+    until("an answer from memory", PATIENCE, || {
+        read(&plant);
+        (count(&plant, "memory_total") >= 1.0).then_some(())
+    });
+    let (oldest, all) = (count(&plant, "memory_age_longest_seconds"), count(&plant, "memory_age_seconds_total"));
+    assert!(0.0 < oldest && oldest <= POLL_S, "{oldest}");
+    assert!(oldest <= all && all <= count(&plant, "memory_total") * POLL_S, "{oldest} {all}");
+    // Registers that are not polled are read from the drive.
+    let before = count(&plant, "line_total");
+    let polled = mbpoll(plant.modbus, &["-r", "275", "-c", "4"]);
+    assert_eq!(polled.values.len(), 4, "{}", polled.text);
+    assert_eq!(count(&plant, "line_total"), before + 1.0);
+
+    let plant = Plant::new();
+    for _ in 0..3 {
+        read(&plant);
+    }
+    assert_eq!((count(&plant, "line_total"), count(&plant, "memory_total")), (3.0, 0.0));
 }

@@ -49,6 +49,8 @@ pub struct Wish<'a> {
     pub page: &'a str,
     /// Who may write over Modbus TCP; 127.0.0.1 without.
     pub write: &'a str,
+    /// More keys of the Modbus TCP listener.
+    pub listener: &'a str,
     /// Given the broker's port, starts something before it, and names the port that the gateway is to use.
     pub through: Option<&'a dyn Fn(u16) -> u16>,
 }
@@ -65,6 +67,7 @@ impl Wish<'_> {
         from: "",
         page: "",
         write: "",
+        listener: "",
         through: None,
     };
 }
@@ -340,7 +343,7 @@ fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) 
             (control(lost_after, wish), format!("write = [\"{write}\"]"))
         }
     };
-    let (port, data, page) = (place.file("line"), place.file("data"), wish.page);
+    let (port, data, page, listener) = (place.file("line"), place.file("data"), wish.page, wish.listener);
     format!(
         r#"
 [gateway]
@@ -369,6 +372,7 @@ probe_interval = "500ms"
 [[modbus_tcp]]
 listen = "127.0.0.1:0"
 {write}
+{listener}
 
 [http]
 listen = "{http}"

@@ -31,6 +31,7 @@ pub(super) fn read_listener(mut reader: Reader<'_, '_>) -> ListenerFile {
         write: read_networks(&mut reader, "write"),
         stop: read_networks(&mut reader, "stop"),
         reads_renew: reader.optional("reads_renew", &Kind::flag()),
+        cached: reader.optional("cached", &Kind::flag()),
         units: read_units(&mut reader),
         connections_max: reader.optional("connections_max", &Kind::number(CONNECTIONS)),
         priority: read_networks(&mut reader, "priority"),

@@ -36,6 +36,7 @@ pub(super) fn read_serial(mut reader: Reader<'_, '_>) -> SerialFile {
     let allow_write = reader.optional("allow_write", &Kind::flag());
     let allow_stop = reader.optional("allow_stop", &Kind::flag());
     let reads_renew = reader.optional("reads_renew", &Kind::flag());
+    let cached = reader.optional("cached", &Kind::flag());
     let answer_within = reader.optional("answer_within", &Kind::duration(ANSWER_WITHIN));
     let serving = ListenerFile {
         location: reader.location().clone(),
@@ -45,6 +46,7 @@ pub(super) fn read_serial(mut reader: Reader<'_, '_>) -> SerialFile {
         write: as_networks(&allow_write),
         stop: as_networks(&allow_stop),
         reads_renew,
+        cached,
         units,
         connections_max: OptionalKey::Absent,
         priority: OptionalKey::Absent,

@@ -233,6 +233,7 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
                 "client_id",
                 "subscription_qos",
                 "reads_renew",
+                "cached",
             ]);
         if !is_default.into_iter().any(|it| it == key) {
             defaults += line;

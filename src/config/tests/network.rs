@@ -21,6 +21,15 @@ fn nobody_may_write_unless_it_is_said() {
 }
 
 #[test]
+fn nothing_is_answered_from_memory_unless_it_is_said() {
+    assert!(!good(MINIMAL).listeners[0].cached);
+    assert!(good(&rights("write = ['127.0.0.1/32']\ncached = true")).listeners[0].cached);
+    let master = "[[modbus_rtu]]\nname = 'panel'\nport = '/dev/ttyS9'\nbaud = 9600\nparity = 'none'\n";
+    assert!(!good(&format!("{MINIMAL}\n{master}")).serial_masters[0].serving.cached);
+    assert!(good(&format!("{MINIMAL}\n{master}cached = true\n")).serial_masters[0].serving.cached);
+}
+
+#[test]
 fn anyone_who_may_write_can_connect() {
     for (key, more) in [("write", ""), ("stop", "\nwrite = ['10.0.0.10/32']")] {
         let list = |list: &str| rights(&format!("allow = ['10.0.0.0/24', '10.1.0.0/24']\n{key} = [{list}]{more}"));

@@ -60,11 +60,53 @@ pub struct Full;
 /// that is over; waking it for each message would cost more than the message.
 #[derive(Debug, Default)]
 pub struct Inbox {
-    messages: Mutex<Vec<Message>>,
+    waiting: Mutex<Waiting>,
     /// The line thread sleeps until the bell rings.
     is_idle: AtomicBool,
     is_closed: AtomicBool,
     bell: Notify,
+}
+
+/// What waits, and what has been accepted.
+#[derive(Debug, Default)]
+struct Waiting {
+    messages: Vec<Message>,
+    /// Orders and writes accepted so far, by drive, wrapping.
+    orders: Vec<u64>,
+}
+
+impl Waiting {
+    fn push(&mut self, message: Message) {
+        if let Some(drive) = message.orders() {
+            if self.orders.len() <= drive.get() {
+                self.orders.resize(drive.get() + 1, 0);
+            }
+            self.count(drive, 1);
+        }
+        self.messages.push(message);
+    }
+
+    /// Drops all messages except those that stay. Orders among them were never accepted.
+    fn make_room(&mut self) {
+        let dropped: Vec<_> = self.messages.extract_if(.., |message| !stays(message)).collect();
+        // Wrapping: one less.
+        dropped.iter().filter_map(Message::orders).for_each(|drive| self.count(drive, u64::MAX));
+    }
+
+    fn count(&mut self, drive: DriveIndex, more: u64) {
+        self.orders.get_mut(drive.get()).into_iter().for_each(|orders| *orders = orders.wrapping_add(more));
+    }
+}
+
+impl Message {
+    /// The drive for which it is an order or a write; `None` if it is neither, or only renews a lease.
+    fn orders(&self) -> Option<DriveIndex> {
+        match self {
+            Self::Native(request) | Self::NativeStop(request) => request.writes().then_some(request.drive),
+            Self::Command(command) => (!command.order.is_no_attempt()).then_some(command.drive),
+            _ => None,
+        }
+    }
 }
 
 impl Inbox {
@@ -73,13 +115,13 @@ impl Inbox {
     /// # Errors
     /// [`Full`] if too many messages wait, or the line has ended.
     pub fn put(&self, message: Message) -> Result<(), Full> {
-        let mut messages = self.lock();
+        let mut waiting = self.lock();
         // Under the lock, so that no message is added after the last one is taken.
-        if self.is_closed() || messages.len() >= room_for(&message) {
+        if self.is_closed() || waiting.messages.len() >= room_for(&message) {
             return Err(Full);
         }
-        messages.push(message);
-        drop(messages);
+        waiting.push(message);
+        drop(waiting);
         if self.is_idle.load(Ordering::SeqCst) {
             self.bell.notify_one();
         }
@@ -90,7 +132,7 @@ impl Inbox {
     pub fn put_together(&self, messages: impl IntoIterator<Item = Message>) -> Vec<bool> {
         let mut waiting = self.lock();
         let mut take = |message: Message| {
-            let is_taken = !self.is_closed() && waiting.len() < room_for(&message);
+            let is_taken = !self.is_closed() && waiting.messages.len() < room_for(&message);
             if is_taken {
                 waiting.push(message);
             }
@@ -107,12 +149,12 @@ impl Inbox {
     /// Adds a message that must not be kept out, and wakes the line thread at once. If there is no room, all waiting
     /// messages are dropped except stops and messages added in this way.
     pub fn put_surely(&self, message: Message) {
-        let mut messages = self.lock();
-        if messages.len() >= room_for(&message) {
-            messages.retain(stays);
+        let mut waiting = self.lock();
+        if waiting.messages.len() >= room_for(&message) {
+            waiting.make_room();
         }
-        messages.push(message);
-        drop(messages);
+        waiting.push(message);
+        drop(waiting);
         self.bell.notify_one();
     }
 
@@ -123,9 +165,9 @@ impl Inbox {
 
     /// Accepts no more messages and asks the line thread to exit.
     pub fn close(&self) {
-        let messages = self.lock();
+        let waiting = self.lock();
         self.is_closed.store(true, Ordering::SeqCst);
-        drop(messages);
+        drop(waiting);
         self.bell.notify_one();
     }
 
@@ -138,12 +180,12 @@ impl Inbox {
     /// Whether it is closed and empty.
     #[must_use]
     pub fn is_done(&self) -> bool {
-        self.is_closed() && self.lock().is_empty()
+        self.is_closed() && self.lock().messages.is_empty()
     }
 
     /// Swaps the messages for the empty `batch`.
     pub fn take(&self, batch: &mut Vec<Message>) {
-        std::mem::swap(&mut *self.lock(), batch);
+        std::mem::swap(&mut self.lock().messages, batch);
     }
 
     /// Sets whether the line thread is about to sleep until the bell rings. Returns whether it may sleep: messages
@@ -151,7 +193,7 @@ impl Inbox {
     #[must_use]
     pub fn may_sleep(&self, until_called: bool) -> bool {
         self.is_idle.store(until_called, Ordering::SeqCst);
-        !until_called || self.lock().is_empty()
+        !until_called || self.lock().messages.is_empty()
     }
 
     /// Waits until the bell rings.
@@ -159,8 +201,14 @@ impl Inbox {
         self.bell.notified().await;
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<Message>> {
-        self.messages.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Orders and writes accepted for `drive` so far, wrapping. The line has taken them all when it has taken as many.
+    #[must_use]
+    pub fn orders(&self, drive: DriveIndex) -> u64 {
+        self.lock().orders.get(drive.get()).copied().unwrap_or(0)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -213,6 +261,35 @@ mod tests {
         let mut called = std::pin::pin!(inbox.called());
         let mut cx = std::task::Context::from_waker(std::task::Waker::noop());
         assert!(called.as_mut().poll(&mut cx).is_ready());
+    }
+
+    #[test]
+    fn orders_count_for_their_drive_until_they_are_dropped() {
+        let inbox = Inbox::default();
+        let orders = || [0, 1].map(|drive| inbox.orders(DriveIndex(drive)));
+        let write = |drive: u16| {
+            let Message::NativeStop(request) = stop() else { panic!("a stop") };
+            Message::Native(NativeRequest { drive: DriveIndex(drive), ..request })
+        };
+        let read = |drive: u16| {
+            let Message::Native(request) = write(drive) else { panic!("a write") };
+            let ask = NativeAsk::Read { address: 2_u16.into(), count: 1 };
+            Message::Native(NativeRequest { ask, ..request })
+        };
+        inbox.put(read(0)).unwrap();
+        inbox.put(GONE).unwrap();
+        assert_eq!(orders(), [0, 0]);
+        inbox.put(write(1)).unwrap();
+        inbox.put(stop()).unwrap();
+        assert_eq!(inbox.put_together([write(1), read(1)]), [true, true]);
+        assert_eq!(orders(), [1, 2]);
+        // Those that were taken stay counted, and those that are dropped for want of room were never given.
+        inbox.take(&mut Vec::new());
+        while inbox.put(write(0)).is_ok() {}
+        while inbox.put(stop()).is_ok() {}
+        let full = orders()[0];
+        inbox.put_surely(Message::Shutdown);
+        assert_eq!(orders(), [full - (INBOX_MAX + COMMANDS_MAX) as u64, 2]);
     }
 
     #[test]
@@ -278,7 +355,7 @@ mod tests {
         std::thread::scope(|threads| {
             threads.spawn(|| {
                 for _ in 0..TIMES {
-                    while inbox.lock().len() > STOPS_MAX - TOGETHER {
+                    while inbox.lock().messages.len() > STOPS_MAX - TOGETHER {
                         std::thread::yield_now();
                     }
                     assert_eq!(inbox.put_together((0..TOGETHER).map(slow_stop)), [true; TOGETHER]);

@@ -4,13 +4,12 @@ use crate::config::ListenerSettings;
 use crate::daemon::exchange::inbox::Inbox;
 use crate::daemon::exchange::shared::{Shared, SharedDrive};
 use crate::daemon::host::clock;
-use crate::domain::ids::{DriveIndex, UnitId};
+use crate::domain::ids::UnitId;
 use crate::domain::report::LineReport;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::drive::view::DriveView;
 use crate::north::modbus::{Ask, Uniform, native, own};
-use crate::profile::model::Model;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -63,15 +62,15 @@ enum Route {
 /// What answers for a unit.
 #[derive(Clone, Copy, Debug)]
 pub enum Target<'a> {
-    /// A drive by its own registers, and the way to it.
-    Native(&'a Inbox, DriveIndex, &'a Model),
+    /// A drive by its own registers.
+    Native(Drive<'a>),
     /// A drive by the uniform map: its place among all drives.
     Uniform(Drive<'a>),
     /// The gateway itself.
     Own,
 }
 
-/// One drive as a uniform unit shows it.
+/// One drive behind a unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive<'a> {
     /// Its place among all drives.
@@ -124,10 +123,7 @@ impl Router {
     #[must_use]
     pub fn find(&self, unit: u8) -> Option<Target<'_>> {
         Some(match (*self.routes.get(usize::from(unit))?)? {
-            Route::Native(place) => {
-                let Drive { inbox, shared, .. } = self.drive_at(place)?;
-                Target::Native(inbox, shared.description.place.drive, &shared.description.model)
-            }
+            Route::Native(place) => Target::Native(self.drive_at(place)?),
             Route::Uniform(place) => Target::Uniform(self.drive_at(place)?),
             Route::Own => Target::Own,
         })

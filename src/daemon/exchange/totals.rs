@@ -5,7 +5,8 @@ use crate::north::modbus::serial::SlaveCounters;
 use crate::north::mqtt::Counters as Counts;
 use crate::north::sparkplug::Counters as SparkplugCounts;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
 
 /// Counts of the Modbus TCP side over all connections since start.
 #[derive(Debug, Default)]
@@ -19,19 +20,140 @@ pub struct ModbusTotals {
     replies: AtomicU64,
     exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
     attempts_lost: AtomicU64,
-    serial: SerialTotals,
+    /// Of each serial master that is served.
+    serial: Shown<SerialTotals>,
+    /// Of each listener and serial master that is served.
+    reads: Shown<ReadTotals>,
 }
 
-/// Counts of all serial masters' ports since start.
+/// Counts that are shown for as long as their owners keep them.
 #[derive(Debug, Default)]
-struct SerialTotals {
-    requests: AtomicU64,
-    not_in_time: AtomicU64,
-    late: AtomicU64,
-    damaged: AtomicU64,
-    foreign: AtomicU64,
-    broadcasts: AtomicU64,
-    collisions: AtomicU64,
+pub struct Shown<T>(Mutex<Vec<Weak<T>>>);
+
+impl<T> Shown<T> {
+    /// Shows `counts` too.
+    pub fn show(&self, counts: &Arc<T>) {
+        let mut all = self.lock();
+        all.retain(|counts| counts.strong_count() > 0);
+        all.push(Arc::downgrade(counts));
+    }
+
+    /// Those that are still kept, in the order in which they came.
+    #[must_use]
+    pub fn all(&self) -> Vec<Arc<T>> {
+        let mut all = self.lock();
+        all.retain(|counts| counts.strong_count() > 0);
+        all.iter().filter_map(Weak::upgrade).collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Weak<T>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Counts of the native reads of one listener since it is served.
+#[derive(Debug, Default)]
+pub struct ReadTotals {
+    listener: String,
+    from_line: AtomicU64,
+    from_memory: AtomicU64,
+    age_us: AtomicU64,
+    oldest_us: AtomicU64,
+}
+
+impl ReadTotals {
+    /// Of the listener called `listener`.
+    #[must_use]
+    pub fn new(listener: String) -> Self {
+        Self { listener, ..Self::default() }
+    }
+
+    /// The name of the listener: its address, or that of the serial master.
+    #[must_use]
+    pub fn listener(&self) -> &str {
+        &self.listener
+    }
+
+    /// A read was passed to a line.
+    pub fn count_from_line(&self) {
+        self.from_line.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A read was answered from memory, with words of this age.
+    pub fn count_from_memory(&self, age: Duration) {
+        let age_us = u64::try_from(age.as_micros()).unwrap_or(u64::MAX);
+        self.from_memory.fetch_add(1, Ordering::Relaxed);
+        self.age_us.fetch_add(age_us, Ordering::Relaxed);
+        self.oldest_us.fetch_max(age_us, Ordering::Relaxed);
+    }
+
+    /// Reads passed to a line.
+    #[must_use]
+    pub fn from_line(&self) -> u64 {
+        self.from_line.load(Ordering::Relaxed)
+    }
+
+    /// Reads answered from memory.
+    #[must_use]
+    pub fn from_memory(&self) -> u64 {
+        self.from_memory.load(Ordering::Relaxed)
+    }
+
+    /// The ages of the answers from memory, added up.
+    #[must_use]
+    pub fn age(&self) -> Duration {
+        Duration::from_micros(self.age_us.load(Ordering::Relaxed))
+    }
+
+    /// The age of the oldest answer from memory.
+    #[must_use]
+    pub fn oldest(&self) -> Duration {
+        Duration::from_micros(self.oldest_us.load(Ordering::Relaxed))
+    }
+}
+
+/// Counts of the port of one serial master since it is served, over all times that it was opened.
+#[derive(Debug, Default)]
+pub struct SerialTotals {
+    master: String,
+    counters: Mutex<SlaveCounters>,
+}
+
+impl SerialTotals {
+    /// Of the port of `master`.
+    #[must_use]
+    pub fn new(master: String) -> Self {
+        Self { master, ..Self::default() }
+    }
+
+    /// The master's name.
+    #[must_use]
+    pub fn master(&self) -> &str {
+        &self.master
+    }
+
+    /// Adds what the port counted between `before` and `now`.
+    pub fn add(&self, before: &SlaveCounters, now: &SlaveCounters) {
+        let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
+        let all = &mut *counters;
+        for (all, before, now) in [
+            (&mut all.requests, before.requests, now.requests),
+            (&mut all.not_in_time, before.not_in_time, now.not_in_time),
+            (&mut all.late, before.late, now.late),
+            (&mut all.damaged, before.damaged, now.damaged),
+            (&mut all.foreign, before.foreign, now.foreign),
+            (&mut all.broadcasts, before.broadcasts, now.broadcasts),
+            (&mut all.collisions, before.collisions, now.collisions),
+        ] {
+            *all += now.wrapping_sub(before);
+        }
+    }
+
+    /// What the port has counted.
+    #[must_use]
+    pub fn counters(&self) -> SlaveCounters {
+        *self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl ModbusTotals {
@@ -71,35 +193,16 @@ impl ModbusTotals {
         }
     }
 
-    /// Adds what one serial port counted between `before` and `now`.
-    pub fn add_serial(&self, before: &SlaveCounters, now: &SlaveCounters) {
-        let serial = &self.serial;
-        for (total, before, now) in [
-            (&serial.requests, before.requests, now.requests),
-            (&serial.not_in_time, before.not_in_time, now.not_in_time),
-            (&serial.late, before.late, now.late),
-            (&serial.damaged, before.damaged, now.damaged),
-            (&serial.foreign, before.foreign, now.foreign),
-            (&serial.broadcasts, before.broadcasts, now.broadcasts),
-            (&serial.collisions, before.collisions, now.collisions),
-        ] {
-            total.fetch_add(now.wrapping_sub(before), Ordering::Relaxed);
-        }
+    /// Counts of native reads, of each listener and serial master.
+    #[must_use]
+    pub const fn reads(&self) -> &Shown<ReadTotals> {
+        &self.reads
     }
 
-    /// What all serial ports have counted.
+    /// Counts of the ports of serial masters.
     #[must_use]
-    pub fn serial(&self) -> SlaveCounters {
-        let serial = &self.serial;
-        SlaveCounters {
-            requests: serial.requests.load(Ordering::Relaxed),
-            not_in_time: serial.not_in_time.load(Ordering::Relaxed),
-            late: serial.late.load(Ordering::Relaxed),
-            damaged: serial.damaged.load(Ordering::Relaxed),
-            foreign: serial.foreign.load(Ordering::Relaxed),
-            broadcasts: serial.broadcasts.load(Ordering::Relaxed),
-            collisions: serial.collisions.load(Ordering::Relaxed),
-        }
+    pub const fn serial(&self) -> &Shown<SerialTotals> {
+        &self.serial
     }
 
     /// Connections that are open now.
@@ -224,5 +327,44 @@ impl<C: Copy> BrokerTotals<C> {
     #[must_use]
     pub fn counters(&self) -> C {
         *self.counters.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_counts_of_a_port_add_up_over_all_its_openings_and_go_with_it() {
+        let totals = ModbusTotals::default();
+        let panel = Arc::new(SerialTotals::new("panel".to_owned()));
+        totals.serial().show(&panel);
+        let none = SlaveCounters::default();
+        let some = SlaveCounters { requests: 3, foreign: 1, ..none };
+        panel.add(&none, &some);
+        panel.add(&some, &SlaveCounters { requests: 5, ..some });
+        // Opened again, it counts from 0.
+        panel.add(&none, &some);
+        let plc = Arc::new(SerialTotals::new("plc".to_owned()));
+        totals.serial().show(&plc);
+        let shown = || {
+            let all = totals.serial().all();
+            all.iter().map(|it| (it.master().to_owned(), it.counters())).collect::<Vec<_>>()
+        };
+        let of_panel = SlaveCounters { requests: 8, foreign: 2, ..none };
+        assert_eq!(shown(), [("panel".to_owned(), of_panel), ("plc".to_owned(), none)]);
+        drop(panel);
+        assert_eq!(shown(), [("plc".to_owned(), none)]);
+    }
+
+    #[test]
+    fn the_oldest_answer_from_memory_is_remembered() {
+        let reads = ReadTotals::new("127.0.0.1:502".to_owned());
+        reads.count_from_line();
+        for age_ms in [20, 300, 100] {
+            reads.count_from_memory(Duration::from_millis(age_ms));
+        }
+        assert_eq!((reads.from_line(), reads.from_memory()), (1, 3));
+        assert_eq!((reads.age(), reads.oldest()), (Duration::from_millis(420), Duration::from_millis(300)));
     }
 }

@@ -55,6 +55,10 @@ impl Collector for Scrape {
         self.stations(&mut encoder, &shared)?;
         self.registers(&mut encoder, &drives)?;
         each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
+        let serial = state.modbus.serial().all();
+        each(&mut encoder, table::SERIAL, || serial.iter().map(|it| (vec![("master", it.master())], it.as_ref())))?;
+        let reads = state.modbus.reads().all();
+        each(&mut encoder, table::READS, || reads.iter().map(|it| (vec![("listener", it.listener())], it.as_ref())))?;
         self.exceptions(&mut encoder)?;
         if let Some(mqtt) = state.mqtt.load().as_ref() {
             each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())])?;

@@ -401,6 +401,8 @@ fn metrics() -> Vec<(&'static table::Name, &'static str)> {
     all.push((&table::OUTPUT_FREQUENCY, "`line`, `drive`"));
     all.push((&table::VALUE, "`line`, `drive`, `name`, `unit`"));
     all.extend(names(table::MODBUS).map(of("-")));
+    all.extend(names(table::SERIAL).map(of("`master`")));
+    all.extend(names(table::READS).map(of("`listener`")));
     all.push((&table::MODBUS_EXCEPTIONS, "`code`"));
     all.extend(names(table::MQTT).map(of("-")));
     all.extend(names(table::SPARKPLUG).map(of("-")));

@@ -4,7 +4,7 @@
 mod serving;
 
 use crate::config::{PortAddress, SerialMasterSettings};
-use crate::daemon::exchange::totals::ModbusTotals;
+use crate::daemon::exchange::totals::SerialTotals;
 use crate::daemon::host::timer::Timer;
 use crate::daemon::modbus_server::{Listener, Master, Server};
 use crate::daemon::port::{Attempts, Opener, PortSettings};
@@ -33,6 +33,8 @@ pub struct SerialMaster {
     pub settings: SerialMasterSettings,
     listener: Rc<Listener>,
     units: Arc<ArcSwap<UnitSet>>,
+    /// Shown as long as the port is served, also while it cannot be opened.
+    _totals: Arc<SerialTotals>,
     task: AbortHandle,
 }
 
@@ -52,17 +54,20 @@ impl SerialMaster {
         settings: SerialMasterSettings,
         listener: Rc<Listener>,
         server: &Rc<Server>,
-        totals: Arc<ModbusTotals>,
         lock_dirs: Vec<PathBuf>,
     ) -> io::Result<Self> {
         let units = Arc::new(ArcSwap::from_pointee(units_of(&listener)));
+        let totals = Arc::new(SerialTotals::new(settings.name.to_string()));
+        server.totals().serial().show(&totals);
+        server.totals().reads().show(listener.reads());
         let (connections, mut opened) = mpsc::channel::<UnixStream>(CONNECTIONS_MAX);
         let port = port_settings(&settings, lock_dirs);
         let thread = (settings.clone(), Arc::clone(&units));
+        let counts = Arc::clone(&totals);
         std::thread::Builder::new().name(format!("serial {}", settings.name)).spawn(move || {
             let (settings, units) = thread;
             let name = settings.name;
-            if let Err(error) = run(settings, &port, units, connections, totals) {
+            if let Err(error) = run(settings, &port, units, connections, counts) {
                 tracing::error!(master = %name, %error, "cannot start the thread of a serial master");
             }
         })?;
@@ -78,7 +83,7 @@ impl SerialMaster {
                 }
             }
         });
-        Ok(Self { settings, listener, units, task: task.abort_handle() })
+        Ok(Self { settings, listener, units, _totals: totals, task: task.abort_handle() })
     }
 
     /// Its listener, whose settings may change while the port stays open.
@@ -117,7 +122,7 @@ fn run(
     port: &PortSettings,
     units: Arc<ArcSwap<UnitSet>>,
     connections: mpsc::Sender<UnixStream>,
-    totals: Arc<ModbusTotals>,
+    totals: Arc<SerialTotals>,
 ) -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {

@@ -2,7 +2,7 @@
 
 use super::UnitSet;
 use crate::config::SerialMasterSettings;
-use crate::daemon::exchange::totals::ModbusTotals;
+use crate::daemon::exchange::totals::SerialTotals;
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
 use crate::daemon::host::timer::Timer;
@@ -38,7 +38,7 @@ pub(super) struct Task {
     pub settings: SerialMasterSettings,
     pub units: Arc<ArcSwap<UnitSet>>,
     pub connections: mpsc::Sender<std::os::unix::net::UnixStream>,
-    pub totals: Arc<ModbusTotals>,
+    pub totals: Arc<SerialTotals>,
     pub timer: Timer,
 }
 
@@ -114,7 +114,7 @@ impl Task {
             if let Some(frame) = slave.next_frame(clock::now()) {
                 device.write_frame(&frame)?;
             }
-            self.totals.add_serial(counted, slave.counters());
+            self.totals.add(counted, slave.counters());
             *counted = *slave.counters();
             if let Some(wake) = slave.next_wake() {
                 self.timer.arm(wake)?;

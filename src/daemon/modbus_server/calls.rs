@@ -2,19 +2,19 @@
 
 use super::Client;
 use crate::daemon::exchange::answers::News;
-use crate::daemon::exchange::inbox::{Full, Inbox, Message};
+use crate::daemon::exchange::inbox::{Full, Message};
 use crate::daemon::exchange::router::{Drive, Target};
+use crate::domain::address::Address;
 use crate::domain::command::{CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report};
-use crate::domain::ids::{DriveIndex, Ticket};
+use crate::domain::ids::Ticket;
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::modbus::{
-    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, native, own, presses_stop,
+    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, memory, native, own, presses_stop,
 };
-use crate::profile::model::Model;
 use crate::wire::exception;
 use std::time::Duration;
 
@@ -49,8 +49,8 @@ impl Client {
             return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::NotAllowed));
         }
         match router.find(call.unit) {
-            Some(Target::Native(inbox, drive, model)) => {
-                if let Err((tried, reason)) = self.ask_drive(inbox, drive, model, &call) {
+            Some(Target::Native(drive)) => {
+                if let Err((tried, reason)) = self.ask_drive(now, machine, drive, &call, words) {
                     machine.refuse(now, &call, tried, Report::refused(reason));
                 }
             }
@@ -70,22 +70,35 @@ impl Client {
         }
     }
 
-    /// Passes a native request to its line, or returns what was tried and why it is refused.
+    /// Answers a native read from memory where the listener allows it, passes a native request to its line, or returns what
+    /// was tried and why it is refused.
     fn ask_drive(
         &self,
-        inbox: &Inbox,
-        drive: DriveIndex,
-        model: &Model,
+        now: MonoTime,
+        machine: &mut Connection,
+        drive: Drive<'_>,
         call: &Call,
+        words: &mut Words,
     ) -> Result<(), (Option<Tried>, Reason)> {
         let Call { ticket, deadline, .. } = *call;
-        let ask = native::ask_of(model, call.ask.clone()).map_err(|_| (tried_of(call), Reason::NotCapable))?;
+        let Drive { inbox, shared, .. } = drive;
+        let ask = native::ask_of(&shared.description.model, call.ask.clone())
+            .map_err(|_| (tried_of(call), Reason::NotCapable))?;
         let tried = match &ask {
             NativeAsk::Write { address, values } => {
                 Some(Tried::Registers { address: *address, values: values.clone() })
             }
-            NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
+            NativeAsk::Read { address, count } => {
+                if self.listener.remembers() && self.recall(now, drive, (*address, *count), words) {
+                    machine.answer(now, ticket, Answer::Words(words.as_slice()));
+                    return Ok(());
+                }
+                self.listener.reads().count_from_line();
+                None
+            }
+            NativeAsk::Loop { .. } => None,
         };
+        let drive = shared.description.place.drive;
         let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin.get(), ask, deadline };
         let until = if tried.is_some() { MonoTime::NEVER } else { deadline };
         let is_stop = self.router().is_stop(call.unit, &call.ask);
@@ -93,6 +106,19 @@ impl Client {
         inbox.put(message).map_err(|Full| (tried, Reason::QueueFull))?;
         self.known_until.set(self.known_until.get().max(until));
         Ok(())
+    }
+
+    /// Fills in the words of a native read that may be answered from memory, and returns whether it may.
+    fn recall(&self, now: MonoTime, drive: Drive<'_>, read: (Address, u16), words: &mut Words) -> bool {
+        let description = &drive.shared.description;
+        // Before the view: if the line takes an order in between, the counts differ.
+        let orders = drive.inbox.orders(description.place.drive);
+        let view = drive.shared.view.load();
+        let Some(age) = memory::recall(description, &view, orders, read, now, words) else { return false };
+        self.listener.reads().count_from_memory(age);
+        let (listener, age_ms) = (self.listener.reads().listener(), age.as_millis());
+        tracing::trace!(listener, drive = %description.name, address = %read.0, count = read.1, age_ms, "read from memory");
+        true
     }
 
     /// Answers a call at once, or sends the orders that have to be answered first.

@@ -3,12 +3,15 @@
 use super::security::Security;
 use crate::config::ListenerSettings;
 use crate::daemon::exchange::router::Router;
+use crate::daemon::exchange::totals::ReadTotals;
 use crate::domain::command::Rights;
+use crate::domain::ids::CommanderName;
 use crate::guard::access;
 use crate::north::modbus::RoomId;
 use std::cell::{OnceCell, RefCell};
 use std::net::IpAddr;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A listener as it is configured at present.
@@ -20,6 +23,7 @@ pub struct Listener {
     /// `None` if connections are not encrypted.
     security: RefCell<Option<Rc<Security>>>,
     room: OnceCell<RoomId>,
+    reads: Arc<ReadTotals>,
 }
 
 /// What a listener grants to a client.
@@ -38,7 +42,19 @@ impl Listener {
     /// A listener with these settings, whose units `router` routes. `security` is what was read for the settings' TLS.
     #[must_use]
     pub fn new(settings: ListenerSettings, router: Router, security: Option<Security>) -> Rc<Self> {
+        let name = settings.listen.to_string();
+        Self::called(name, settings, router, security)
+    }
+
+    /// The same for the serial master `name`.
+    #[must_use]
+    pub fn of_master(name: CommanderName, settings: ListenerSettings, router: Router) -> Rc<Self> {
+        Self::called(name.to_string(), settings, router, None)
+    }
+
+    fn called(name: String, settings: ListenerSettings, router: Router, security: Option<Security>) -> Rc<Self> {
         Rc::new(Self {
+            reads: Arc::new(ReadTotals::new(name)),
             settings: RefCell::new(Some(settings)),
             router: RefCell::new(Rc::new(router)),
             security: RefCell::new(security.map(Rc::new)),
@@ -61,6 +77,12 @@ impl Listener {
     /// Where its units lead to.
     pub fn router(&self) -> Rc<Router> {
         Rc::clone(&self.router.borrow())
+    }
+
+    /// Counts of its native reads.
+    #[must_use]
+    pub const fn reads(&self) -> &Arc<ReadTotals> {
+        &self.reads
     }
 
     /// The TLS of new connections; `None` if they are not encrypted.
@@ -100,6 +122,11 @@ impl Listener {
             reads_renew: settings.as_ref().is_some_and(|it| it.reads_renew),
             idle_timeout: settings.as_ref().and_then(|it| it.idle_timeout),
         }
+    }
+
+    /// Whether native reads may be answered from memory.
+    pub(super) fn remembers(&self) -> bool {
+        self.settings.borrow().as_ref().is_some_and(|it| it.cached)
     }
 
     /// The room of its connections, which `add` creates once.

@@ -32,6 +32,7 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
     write: Vec::new(),
     stop: None,
     reads_renew: false,
+    cached: false,
     lines: None,
     tls: None,
     units: None,
@@ -82,7 +83,7 @@ fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
         unit: UnitId::new(1 + number).unwrap(),
         uniform_unit: UnitId::new(101 + number).unwrap(),
         group: None,
-        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
+        pace: crate::drive::plan::Pace::new(Duration::from_secs(60), 1.0),
         ratings: crate::drive::description::Ratings::default(),
         control: has_control(number).then(|| Arc::new(settings())),
         points: Points::default(),
@@ -524,5 +525,59 @@ fn what_is_wrong_in_itself_has_its_exception_at_every_unit_and_reaches_no_line()
             }
         }
         plant.assert_untouched();
+    });
+}
+
+/// Shows a drive that was read at this moment, after its line had taken `taken` orders.
+fn shows_reading(drive: &crate::daemon::exchange::shared::SharedDrive, taken: u64) {
+    let now = clock::now();
+    let mut view = DriveView { line_is_up: true, ..DriveView::default() };
+    view.snapshot.presence = Presence::Online;
+    view.snapshot.take(0x0101_u16.into(), &[4250], now);
+    view.orders.taken = taken;
+    view.orders.settled_at = Some(now.before(Duration::from_secs(1)));
+    drive.view.store(Arc::new(view));
+}
+
+const READ_OUTPUT: [u8; 5] = [3, 1, 1, 0, 1];
+
+#[test]
+fn a_native_read_is_answered_from_memory_only_where_that_is_granted() {
+    play(ListenerSettings { cached: true, ..EVERY_LINE }, |plant, mut stream| async move {
+        shows_reading(&plant.shared.drives[1], 0);
+        assert_eq!(ask(&mut stream, 2, &READ_OUTPUT).await, [3, 2, 0x10, 0x9A]);
+        plant.assert_untouched();
+        // A register that was not read.
+        send(&mut stream, &[(8, 2, &[3, 1, 0x12, 0, 1])]).await;
+        assert!(!plant.native(0).await.writes());
+    });
+    play(EVERY_LINE, |plant, mut stream| async move {
+        shows_reading(&plant.shared.drives[1], 0);
+        send(&mut stream, &[(7, 2, &READ_OUTPUT)]).await;
+        assert!(!plant.native(0).await.writes(), "the line is asked");
+    });
+}
+
+#[test]
+fn an_order_that_its_line_has_not_taken_forbids_an_answer_from_memory() {
+    let write = [6, 0, 4, 0, 1];
+    play(ListenerSettings { cached: true, ..EVERY_LINE }, |plant, mut stream| async move {
+        shows_reading(&plant.shared.drives[0], 0);
+        assert_eq!(ask(&mut stream, 1, &READ_OUTPUT).await, [3, 2, 0x10, 0x9A]);
+        // Written and read without waiting.
+        send(&mut stream, &[(7, 1, &write), (8, 1, &READ_OUTPUT), (9, 2, &READ_OUTPUT)]).await;
+        let mut asked = Vec::new();
+        while asked.len() < 3 {
+            tokio::task::yield_now().await;
+            let mut batch = Vec::new();
+            plant.shared.lines[0].inbox.take(&mut batch);
+            asked.extend(batch.into_iter().map(|message| match message {
+                Message::Native(request) => (request.drive.get(), request.writes()),
+                message => panic!("{message:?}"),
+            }));
+        }
+        assert_eq!(asked, [(0, true), (0, false), (1, false)]);
+        shows_reading(&plant.shared.drives[0], 1);
+        assert_eq!(ask(&mut stream, 1, &READ_OUTPUT).await, [3, 2, 0x10, 0x9A], "the line has taken it");
     });
 }

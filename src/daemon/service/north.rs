@@ -298,7 +298,7 @@ impl North {
         for settings in &config.serial_masters {
             let router = Router::new(&settings.serving, self.units.clone());
             let Some(at) = old.iter().position(|it| it.settings.has_port_of(settings)) else {
-                to_start.push((settings, Listener::new(settings.serving.clone(), router, None)));
+                to_start.push((settings, Listener::of_master(settings.name, settings.serving.clone(), router)));
                 continue;
             };
             let mut kept = old.swap_remove(at);
@@ -310,8 +310,7 @@ impl North {
         drop(old);
         for (settings, listener) in to_start {
             let dirs = build::lock_dirs(config.gateway.data_dir.as_deref());
-            let totals = Arc::clone(self.server.totals());
-            match SerialMaster::start(settings.clone(), listener, &self.server, totals, dirs) {
+            match SerialMaster::start(settings.clone(), listener, &self.server, dirs) {
                 Ok(started) => self.serial.push(started),
                 Err(error) => tracing::error!(master = %settings.name, %error, "cannot serve a serial master"),
             }
@@ -331,6 +330,7 @@ impl North {
             return Some(kept);
         }
         let listener = Listener::new(settings.clone(), router, security);
+        self.server.totals().reads().show(listener.reads());
         let serve = Rc::clone(&self.server).listen(socket?, Rc::clone(&listener));
         Some(Listening { listener, task: tokio::task::spawn_local(serve).abort_handle() })
     }

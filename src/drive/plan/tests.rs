@@ -55,6 +55,27 @@ fn neighbours_that_are_due_together_go_together_whatever_their_class() {
 }
 
 #[test]
+fn a_read_that_covers_a_group_takes_the_place_of_its_poll() {
+    let at = MonoTime::from_millis;
+    let first = Address::holding(0x0101);
+    let mut plan = PollPlan::new(&model(), Pace::new(Duration::from_secs(1), 1.0), at(0), PlaceOnLine::ALONE);
+    let due = |plan: &PollPlan| plan.iter().find(|(_, group, _)| group.address == first).map(|(.., due)| due).unwrap();
+    assert_eq!(plan.was_read(0x0100_u16.into(), 1, at(5)), []);
+    assert_eq!(due(&plan), at(0));
+    let group = PollGroup { address: first, count: 1, class: PollClass::Fast };
+    assert_eq!(plan.was_read(0x0100_u16.into(), 3, at(5)), [group]);
+    assert_eq!(due(&plan), at(1005));
+    // An older one brings it no closer.
+    plan.was_read(first, 1, at(3));
+    assert_eq!(due(&plan), at(1005));
+    // F010 is polled together with F011.
+    assert_eq!(plan.was_read(0x0211_u16.into(), 1, at(6)), []);
+    assert_eq!(plan.was_read(0x0210_u16.into(), 4, at(6)).len(), 1);
+    plan.ask_for(first, at(7));
+    assert_eq!(due(&plan), at(7), "a read that is asked for comes first");
+}
+
+#[test]
 fn a_line_that_is_late_keeps_its_phase_and_does_not_catch_up() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(

@@ -39,6 +39,12 @@ impl DriveWork {
         [stop, execution, look, trip].into_iter().flatten()
     }
 
+    /// Whether a stop is not effective yet, or a command has not ended.
+    #[must_use]
+    pub fn has_orders(&self) -> bool {
+        self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty()
+    }
+
     /// Sends the wish of `rank` at `now`. If its deadline has passed, it is answered and nothing is sent.
     pub fn send(&mut self, rank: Rank, now: MonoTime, out: Out<'_>) -> bool {
         match rank {

@@ -359,7 +359,7 @@ impl DriveWork {
             intent: guard.intent(),
             setpoint: guard.setpoint(),
             start_inhibited: guard.is_start_inhibited(),
-            command_pending: self.latch.is_some() || self.current.is_some() || !self.waiting.is_empty(),
+            command_pending: self.has_orders(),
             stop_pending: self.latch.is_some(),
             not_effective: self.latch.as_ref().is_some_and(|latch| latch.is_late() || latch.is_refused()),
             failsafe: guard.has_failed_safe(),

@@ -15,6 +15,7 @@ mod function;
 mod identity;
 mod limits;
 mod map;
+pub mod memory;
 pub mod native;
 pub mod own;
 mod refusal;

@@ -4,7 +4,7 @@
 
 use super::reachable::Reachable;
 use super::state::State;
-use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
+use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals, ReadTotals, SerialTotals, SparkplugTotals};
 use crate::daemon::journal::{JournalReport, JournalState};
 use prometheus_client::metrics::MetricType;
 use std::time::Duration;
@@ -92,27 +92,6 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
     counter("modbus_closed_early", "Modbus TCP connections closed for want of room or memory.", |modbus| {
         Some(modbus.dismissed())
     }),
-    counter("serial_requests", "Requests of serial masters for units of the gateway.", |modbus| {
-        Some(modbus.serial().requests)
-    }),
-    counter("serial_not_in_time", "Exceptions to serial masters because the answer was not there in time.", |modbus| {
-        Some(modbus.serial().not_in_time)
-    }),
-    counter("serial_late", "Answers that were too late for a serial master and were thrown away.", |modbus| {
-        Some(modbus.serial().late)
-    }),
-    counter("serial_damaged", "Damaged frames and noise at the ports of serial masters.", |modbus| {
-        Some(modbus.serial().damaged)
-    }),
-    counter("serial_foreign", "Frames of other slaves at the ports of serial masters.", |modbus| {
-        Some(modbus.serial().foreign)
-    }),
-    counter("serial_broadcasts", "Broadcasts of serial masters, which are ignored.", |modbus| {
-        Some(modbus.serial().broadcasts)
-    }),
-    counter("serial_collisions", "Bytes of others that arrived during a reply to a serial master.", |modbus| {
-        Some(modbus.serial().collisions)
-    }),
     counter("modbus_requests", "Modbus TCP requests.", |modbus| Some(modbus.counters().requests)),
     counter("modbus_replies", "Modbus TCP answers that are no exceptions.", |modbus| Some(modbus.counters().replies)),
     counter(
@@ -120,6 +99,47 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
         "Attempts to write that stand in no audit, because too many came at once.",
         |modbus| Some(modbus.counters().attempts_lost),
     ),
+];
+
+/// The port of each serial master; label `master`.
+pub(super) const SERIAL: &[Metric<SerialTotals>] = &[
+    counter("serial_requests", "Requests of serial masters for units of the gateway.", |serial| {
+        Some(serial.counters().requests)
+    }),
+    counter("serial_not_in_time", "Exceptions to serial masters because the answer was not there in time.", |serial| {
+        Some(serial.counters().not_in_time)
+    }),
+    counter("serial_late", "Answers that were too late for a serial master and were thrown away.", |serial| {
+        Some(serial.counters().late)
+    }),
+    counter("serial_damaged", "Damaged frames and noise at the ports of serial masters.", |serial| {
+        Some(serial.counters().damaged)
+    }),
+    counter("serial_foreign", "Frames of other slaves at the ports of serial masters.", |serial| {
+        Some(serial.counters().foreign)
+    }),
+    counter("serial_broadcasts", "Broadcasts of serial masters, which are ignored.", |serial| {
+        Some(serial.counters().broadcasts)
+    }),
+    counter("serial_collisions", "Bytes of others that arrived during a reply to a serial master.", |serial| {
+        Some(serial.counters().collisions)
+    }),
+];
+
+/// The native reads of each listener; label `listener`.
+pub(super) const READS: &[Metric<ReadTotals>] = &[
+    counter("modbus_native_reads_line", "Native reads that were passed to a line.", |reads| Some(reads.from_line())),
+    counter("modbus_native_reads_memory", "Native reads that were answered from memory (`cached`).", |reads| {
+        Some(reads.from_memory())
+    }),
+    sum("modbus_native_reads_memory_age", "Ages of the answers from memory, added up.", |reads: &ReadTotals| {
+        seconds(reads.age())
+    })
+    .in_unit("seconds"),
+    gauge("modbus_native_reads_memory_age_longest", "Age of the oldest answer from memory.", |reads: &ReadTotals| {
+        seconds(reads.oldest())
+    })
+    .in_unit("seconds"),
 ];
 
 /// Exceptions on Modbus TCP; label `code`.

@@ -1,0 +1,101 @@
+//! Words that a drive has sent: what they change in its picture, its plan and its own work.
+
+use super::drive::DriveOnLine;
+use super::outbox::Outbox;
+use super::work::Reading;
+use crate::domain::address::Address;
+use crate::domain::time::MonoTime;
+use crate::profile::model::{Model, PollClass};
+
+impl DriveOnLine {
+    /// Words that the drive showed to us: the picture takes what is polled, the drive's own work the rest.
+    pub(super) fn take_words(
+        &mut self,
+        now: MonoTime,
+        read_at: MonoTime,
+        read: (Address, &[u16]),
+        effects: &mut Outbox,
+    ) {
+        let (address, words) = read;
+        let count = u16::try_from(words.len()).unwrap_or(u16::MAX);
+        for (place, word) in address.onwards().zip(words) {
+            if let Some(class) = self.setup.model.polled_at(place, address, count) {
+                if class == PollClass::Fast
+                    && let Some(last) = self.snapshot.reading(place)
+                {
+                    self.measured.aged(now.since(last.at), now);
+                }
+                // A reply that had to wait for the silence after it is as old as its last byte.
+                self.snapshot.take(place, &[*word], read_at);
+            }
+        }
+        let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
+        self.work.take_words(address, words, reading, now, effects);
+        if reading.is_its_own {
+            self.work.take_usage(&self.snapshot, read_at, effects);
+        }
+        if let Some(changed) = self.work.take_changed_basis() {
+            self.plan.ask_for(changed, now);
+        }
+    }
+
+    /// Words that a client's read brought. Each poll group that lies in it was read in one frame, as a poll reads it, and
+    /// counts as polled. Of a group that was read in part nothing is taken: its words belong together.
+    pub(super) fn take_read(
+        &mut self,
+        now: MonoTime,
+        read_at: MonoTime,
+        read: (Address, &[u16]),
+        effects: &mut Outbox,
+    ) {
+        let (mut address, mut words) = read;
+        while !words.is_empty() {
+            let (run, next) = run_from(&self.setup.model, address, words.len());
+            let (here, others) = words.split_at(run);
+            let count = u16::try_from(run).unwrap_or(u16::MAX);
+            for group in self.plan.was_read(address, count, read_at) {
+                let polled = group.address.offset_from(address).map(usize::from).and_then(|first| {
+                    let end = first.checked_add(group.count.into())?;
+                    here.get(first..end)
+                });
+                if let Some(polled) = polled {
+                    self.take_words(now, read_at, (group.address, polled), effects);
+                }
+            }
+            (address, words) = (next, others);
+        }
+    }
+}
+
+/// How many of `words` words from `address` on have consecutive addresses as the drive counts them, at least 1, and the
+/// address after those.
+fn run_from(model: &Model, address: Address, words: usize) -> (usize, Address) {
+    let mut next = model.next_address(address);
+    let mut run = 1;
+    let mut last = address;
+    while run < words && last.checked_add(1) == Some(next) {
+        (last, next) = (next, model.next_address(next));
+        run += 1;
+    }
+    (run, next)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vendors;
+
+    #[test]
+    fn a_run_ends_where_the_drive_counts_on_in_decimal_digits() {
+        let catalog = vendors::catalog();
+        let at = Address::holding;
+        let run = |model: &str, address, words| run_from(catalog.find(model).unwrap(), at(address), words);
+        let (decimal, plain) = ("toshiba-vf-s15", "hyundai-n700");
+        assert_eq!(run(plain, 0xFE08, 12), (12, at(0xFE14)));
+        assert_eq!(run(decimal, 0xFE08, 12), (2, at(0xFE10)));
+        assert_eq!(run(decimal, 0xFE10, 10), (10, at(0xFE20)));
+        assert_eq!(run(decimal, 0xFE09, 2), (1, at(0xFE10)));
+        assert_eq!(run(decimal, 0xFE99, 2), (1, at(0xFF00)));
+        assert_eq!(run(plain, 0xFFFF, 1).0, 1);
+    }
+}
