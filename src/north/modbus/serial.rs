@@ -4,6 +4,8 @@
 //! A request ends with 3.5 characters of silence, or in ASCII with CR LF. Until the answer must have begun, at most one
 //! request is open; what is answered later is thrown away, so that it cannot be taken for the answer to the next one.
 
+mod frames;
+
 use super::function as client;
 use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::time::MonoTime;
@@ -295,10 +297,18 @@ impl Slave {
             self.bytes.clear();
             return self.take_frame(end, unit, pdu, is_ours);
         }
+        // An adapter, or a host that is late, delivers several frames in one piece.
+        if let Some(frames) = frames::all_in(&self.bytes, is_ours) {
+            self.bytes.clear();
+            for (unit, pdu) in frames {
+                self.take_frame(end, unit, pdu, is_ours);
+            }
+            return;
+        }
         // A noisy byte directly before a request, as a driver makes that is switched on, does not cost the request.
         let request = (1..self.bytes.len()).find_map(|start| {
             let adu = self.bytes.get(start..)?;
-            let is_whole = is_ours(*adu.first()?) && request_adu_bytes(adu) == Some(adu.len());
+            let is_whole = is_ours(*adu.first()?) && frames::request_adu_bytes(adu) == Some(adu.len());
             rtu::decode(adu).filter(|_| is_whole).map(|(unit, pdu)| (unit, pdu.to_vec()))
         });
         if let Some((unit, pdu)) = request {
@@ -353,25 +363,6 @@ impl Slave {
 /// still be executed.
 fn code_for(code: u8) -> u8 {
     if client::writes(code) { exception::GATEWAY_TARGET_FAILED } else { exception::SERVER_DEVICE_BUSY }
-}
-
-/// Length of the request frame that begins with `adu`, where its function tells.
-fn request_adu_bytes(adu: &[u8]) -> Option<usize> {
-    let counted = |at: usize| adu.get(at).map(|count| at + 1 + usize::from(*count) + 2);
-    match *adu.get(1)? {
-        client::READ_COILS
-        | client::READ_DISCRETE
-        | function::READ_HOLDING
-        | function::READ_INPUT
-        | client::WRITE_COIL
-        | function::WRITE_SINGLE
-        | function::DIAGNOSTICS => Some(8),
-        client::WRITE_COILS | function::WRITE_MULTIPLE => counted(6),
-        client::MASK_WRITE => Some(10),
-        client::READ_WRITE => counted(10),
-        client::ENCAPSULATED => Some(7),
-        _ => None,
-    }
 }
 
 #[cfg(test)]

@@ -63,6 +63,44 @@ fn a_request_ends_with_silence_and_is_answered_at_once() {
 }
 
 #[test]
+fn a_foreign_request_and_its_reply_in_one_piece_are_foreign() {
+    let exchange = |request: &[u8], reply: &[u8]| [frame(7, request), frame(7, reply)].concat();
+    let reads = exchange(&READ, &REPLY);
+    let writes = exchange(&WRITE, &WRITE);
+    let refused = exchange(&READ, &[0x83, 2]);
+    let foreign = |foreign| SlaveCounters { foreign, ..SlaveCounters::default() };
+    let damaged = SlaveCounters { damaged: 1, ..SlaveCounters::default() };
+    for (bytes, counters) in [
+        (reads.clone(), foreign(2)),
+        (writes.clone(), foreign(2)),
+        (refused, foreign(2)),
+        ([reads.clone(), writes].concat(), foreign(4)),
+        // A slave that is not there, and the next request.
+        ([frame(9, &READ), reads.clone()].concat(), foreign(3)),
+        // The reply of another slave than the one that was asked, or to another function.
+        ([frame(7, &READ), frame(9, &REPLY)].concat(), damaged),
+        ([frame(7, &WRITE), frame(7, &REPLY)].concat(), damaged),
+        ([reads.clone(), vec![0]].concat(), damaged),
+    ] {
+        let mut slave = slave(Framing::Rtu);
+        slave.received(at(10_000), &bytes, &ours);
+        slave.tick(at(13_700), &ours);
+        slave.tick(at(200_000), &ours);
+        assert_eq!((slave.next_request(), slave.next_frame(at(200_000))), (None, None), "{bytes:02X?}");
+        assert_eq!(slave.counters(), &counters, "{bytes:02X?}");
+    }
+    // A request for the gateway right behind them is answered, and one that others follow is not.
+    let mut slave = slave(Framing::Rtu);
+    slave.received(at(10_000), &[reads.clone(), frame(1, &READ)].concat(), &ours);
+    slave.tick(at(13_700), &ours);
+    assert_eq!(slave.next_request().map(|request| request.unit), Some(1));
+    slave.received(at(30_000), &[frame(1, &READ), reads].concat(), &ours);
+    slave.tick(at(33_700), &ours);
+    assert_eq!(slave.next_request(), None);
+    assert_eq!(slave.counters(), &SlaveCounters { requests: 2, foreign: 4, ..SlaveCounters::default() });
+}
+
+#[test]
 fn what_is_not_for_the_gateway_gets_no_answer() {
     for (bytes, counters) in [
         (frame(7, &READ), SlaveCounters { foreign: 1, ..SlaveCounters::default() }),
