@@ -49,7 +49,7 @@ struct Map {
     drive: Option<String>,
     /// Model and line of the drive.
     model: Option<(String, String)>,
-    /// The listeners that serve it.
+    /// The listeners and serial masters that reach it.
     listeners: Vec<String>,
     rows: Vec<SheetRow>,
 }
@@ -57,9 +57,9 @@ struct Map {
 /// Prints the maps.
 pub fn map(args: &Args) -> Result<(), Failure> {
     let config = input::configuration(&args.config)?;
-    if config.listeners.is_empty() {
+    if config.listeners.is_empty() && config.serial_masters.is_empty() {
         return Err(Failure::wrong(format!(
-            "{}: there is no Modbus TCP, so there is no map; a `[[modbus_tcp]]` with `listen` serves one",
+            "{}: there is no Modbus server, so there is no map; a `[[modbus_tcp]]` with `listen` serves one",
             args.config.display()
         )));
     }
@@ -91,20 +91,30 @@ fn maps(config: &Config) -> Vec<Map> {
     }
     let lines: Vec<_> = config.lines.iter().map(|line| line.name.as_str()).collect();
     let names: Vec<_> = drives.iter().map(|drive| drive.name.as_str()).collect();
-    let listeners: Vec<_> = config.listeners.iter().collect();
-    let rows = sheet::gateway(&lines, &names, rights(&listeners));
+    let servers = servers(config);
+    let rows = sheet::gateway(&lines, &names, rights(&servers));
     maps.push(Map {
         unit: own::UNIT,
         kind: "gateway",
         drive: None,
         model: None,
-        listeners: listeners.iter().map(|listener| listener.listen.to_string()).collect(),
+        listeners: servers.into_iter().map(|(name, _)| name).collect(),
         rows,
     });
     maps
 }
 
-/// The map of `unit` of `drive`; `None` if no listener serves it.
+/// What serves units, by name: an address, or a serial master.
+type Server<'c> = (String, &'c ListenerSettings);
+
+/// All of them, listeners first.
+fn servers(config: &Config) -> Vec<Server<'_>> {
+    let listeners = config.listeners.iter().map(|listener| (listener.listen.to_string(), listener));
+    let masters = config.serial_masters.iter().map(|master| (format!("modbus-rtu:{}", master.name), &master.serving));
+    listeners.chain(masters).collect()
+}
+
+/// The map of `unit` of `drive`; `None` if nothing serves it.
 fn of_drive(
     config: &Config,
     drive: &DriveDescription,
@@ -113,21 +123,21 @@ fn of_drive(
     rows: impl FnOnce(Rights) -> Vec<SheetRow>,
 ) -> Option<Map> {
     let line = usize::from(drive.place.line);
-    let serve = |listener: &&ListenerSettings| listener.serves(line) && listener.answers_at(unit);
-    let listeners: Vec<_> = config.listeners.iter().filter(serve).collect();
-    (!listeners.is_empty()).then(|| Map {
+    let serve = |(_, server): &Server<'_>| server.serves(line) && server.answers_at(unit);
+    let servers: Vec<_> = servers(config).into_iter().filter(serve).collect();
+    (!servers.is_empty()).then(|| Map {
         unit: unit.get(),
         kind,
         drive: Some(drive.name.to_string()),
         model: Some((drive.model.id.clone(), drive.line.to_string())),
-        rows: rows(rights(&listeners)),
-        listeners: listeners.iter().map(|listener| listener.listen.to_string()).collect(),
+        rows: rows(rights(&servers)),
+        listeners: servers.into_iter().map(|(name, _)| name).collect(),
     })
 }
 
-/// The rights that at least one of `listeners` grants to some client.
-fn rights(listeners: &[&ListenerSettings]) -> Rights {
-    let all = listeners.iter().map(|listener| of_listener(listener));
+/// The rights that at least one of `servers` grants to some client.
+fn rights(servers: &[Server<'_>]) -> Rights {
+    let all = servers.iter().map(|(_, server)| of_listener(server));
     all.fold(Rights::NONE, |rights, more| Rights { write: rights.write || more.write, stop: rights.stop || more.stop })
 }
 
