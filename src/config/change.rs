@@ -2,6 +2,7 @@
 //! in words for people.
 
 use super::ready::{Config, ListenerSettings};
+use super::ready_serial::SerialMasterSettings;
 use crate::domain::ids::Name;
 use std::fmt;
 
@@ -157,9 +158,6 @@ fn told(old: &Config, new: &Config) -> Vec<ChangeNote> {
     compare(&mut told, ConfigPart::Drive, &drives(old), &drives(new));
     one(&mut told, ConfigPart::Mqtt, old.mqtt.as_ref(), new.mqtt.as_ref());
     compare(&mut told, ConfigPart::ModbusTcp, &listeners(old), &listeners(new));
-    let masters = |config: &Config| -> Named<super::SerialMasterSettings> {
-        config.serial_masters.iter().map(|it| (it.name.to_string(), it.clone())).collect()
-    };
     compare(&mut told, ConfigPart::ModbusRtu, &masters(old), &masters(new));
     one(&mut told, ConfigPart::Http, old.http.as_ref(), new.http.as_ref());
     told
@@ -180,16 +178,26 @@ fn drives(config: &Config) -> Named<(&super::DriveSettings, &str)> {
         .collect()
 }
 
-/// Each with the names of its lines: equal lines may have other indices.
-fn listeners(config: &Config) -> Named<(ListenerSettings, Option<Vec<&str>>)> {
-    let named = |listener: &ListenerSettings| {
-        let names = listener
-            .lines
-            .as_ref()
-            .map(|lines| lines.iter().filter_map(|at| config.lines.get(*at)).map(|line| line.name.as_str()).collect());
-        (listener.listen.to_string(), (ListenerSettings { lines: None, ..listener.clone() }, names))
+/// The names of lines that are served; `None` for all.
+type Served<'c> = Option<Vec<&'c str>>;
+
+/// What `listener` grants, and the names of its lines: equal lines may have other indices.
+fn served<'c>(config: &'c Config, listener: &ListenerSettings) -> (ListenerSettings, Served<'c>) {
+    let name = |at: &usize| config.lines.get(*at).map(|line| line.name.as_str());
+    let names = listener.lines.as_ref().map(|lines| lines.iter().filter_map(name).collect());
+    (ListenerSettings { lines: None, ..listener.clone() }, names)
+}
+
+fn listeners(config: &Config) -> Named<(ListenerSettings, Served<'_>)> {
+    config.listeners.iter().map(|it| (it.listen.to_string(), served(config, it))).collect()
+}
+
+fn masters(config: &Config) -> Named<(SerialMasterSettings, Served<'_>)> {
+    let named = |master: &SerialMasterSettings| {
+        let (serving, names) = served(config, &master.serving);
+        (master.name.to_string(), (SerialMasterSettings { serving, ..master.clone() }, names))
     };
-    config.listeners.iter().map(named).collect()
+    config.serial_masters.iter().map(named).collect()
 }
 
 /// In the order of `new`; removed parts are last.

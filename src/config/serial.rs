@@ -28,6 +28,7 @@ pub(super) fn settle(
 
 fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>) -> Option<SerialMasterSettings> {
     may_stop(serial, problems);
+    may_renew(serial, problems);
     let framing = serial.framing.or(Framing::Rtu);
     if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (&serial.data_bits, framing)
         && bits.value != 8
@@ -82,6 +83,15 @@ fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
     {
         let problem = stop.location.problem("a master that may start must be allowed to stop");
         problems.push(problem.right("true, or leave it out"));
+    }
+}
+
+/// Only who may write has a lease to renew.
+fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
+    let may_write = !matches!(serial.allow_write.or(false), Some(false));
+    if let Some(renew) = serial.serving.reads_renew.valid().filter(|renew| renew.value && !may_write) {
+        let what = "has no effect: the master may not write, so there is no lease to renew";
+        problems.push(renew.location.problem(what).right("`allow_write = true`, or leave it out").warning());
     }
 }
 

@@ -53,6 +53,26 @@ fn what_differs_is_reported_and_nothing_else() {
 }
 
 #[test]
+fn a_serial_master_is_told_by_its_name() {
+    let master = |name: &str, more: &str| {
+        let keys = "port = '/dev/ttyS9'\nbaud = 9600\nparity = 'none'\nlines = ['hall-1']";
+        format!("\n[[modbus_rtu]]\nname = '{name}'\n{keys}\n{more}\n")
+    };
+    let with = |master: &str| format!("{TWO_LINES}{master}");
+    let panel = with(&master("panel", ""));
+    assert_eq!(told(&between(TWO_LINES, &panel)), ["modbus_rtu panel: added"]);
+    assert_eq!(told(&between(&panel, TWO_LINES)), ["modbus_rtu panel: removed"]);
+    for more in ["cached = true", "units = [101]", "answer_within = '200ms'"] {
+        assert_eq!(told(&between(&panel, &with(&master("panel", more)))), ["modbus_rtu panel: changed"], "{more}");
+    }
+    let renamed = told(&between(&panel, &with(&master("plc", ""))));
+    assert_eq!(renamed, ["modbus_rtu plc: added", "modbus_rtu panel: removed"]);
+    // Its line has another place in the file.
+    let moved = told(&between(&panel, &format!("{THIRD}{panel}")));
+    assert_eq!(moved, ["line hall-0: added", "drive pump-0: added"]);
+}
+
+#[test]
 fn a_line_goes_on_wherever_it_stands_in_the_file() {
     let both = between(TWO_LINES, &format!("{THIRD}{TWO_LINES}"));
     assert_eq!((both.continues, both.ended), (vec![None, Some(0), Some(1)], vec![]));

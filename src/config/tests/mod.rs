@@ -263,14 +263,18 @@ fn a_drive_takes_the_reply_timeout_of_its_line_unless_it_says_otherwise() {
 
 #[test]
 fn many_mistakes_are_reported_at_once() {
-    let text = include_str!("../../../tests/golden/config/ten_mistakes.toml");
-    let found = shown(text, &load(text, &catalog()).unwrap_err());
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/config/ten_mistakes.txt");
-    if std::env::var_os("UPDATE_GOLDEN").is_some() {
-        std::fs::write(&path, &found).unwrap();
+    for (text, name) in [
+        (include_str!("../../../tests/golden/config/ten_mistakes.toml"), "ten_mistakes"),
+        (include_str!("../../../tests/golden/config/serial_mistakes.toml"), "serial_mistakes"),
+    ] {
+        let found = shown(text, &load(text, &catalog()).unwrap_err());
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/config/{name}.txt"));
+        if std::env::var_os("UPDATE_GOLDEN").is_some() {
+            std::fs::write(&path, &found).unwrap();
+        }
+        let expected = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(found, expected, "if this is meant: UPDATE_GOLDEN=1 writes {}", path.display());
     }
-    let expected = std::fs::read_to_string(&path).unwrap();
-    assert_eq!(found, expected, "if this is meant: UPDATE_GOLDEN=1 writes {}", path.display());
 }
 
 #[test]
