@@ -42,7 +42,7 @@
 //! | `owning` | commanders with names of their own on MQTT, and what the broker grants to each |
 //! | `reloading` | the configuration changes while the gateway runs, and the service manager is told |
 //! | `certificates` | the certificate of the page: made, trusted by OpenSSL, renewed, and its authority served |
-//! | `serial_master` | a serial master reads and commands drives; noise, foreign units and late answers do not reach it |
+//! | `serial_master` | a serial master reads and commands drives; noise, foreign units and late answers do not reach it; its port comes and goes, and so does it over reloads |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `page_control` | control from the page: sign-in, what is refused, and what happens when the page is gone |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |

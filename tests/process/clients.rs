@@ -124,7 +124,7 @@ fn many_requests_at_once_get_each_its_own_answer_and_a_second_connection_goes_on
 #[test]
 fn libmodbus_and_what_applies_of_its_own_test_client_pass() {
     let plant = Plant::new();
-    let output = libmodbus(&plant.place.file(""), plant.modbus, 101);
+    let output = libmodbus(&plant.place.file(""), &plant.modbus.port().to_string(), 101);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success() && text.contains("ALL THAT APPLIES PASSES"), "{text}");
     let (stops, others): (Vec<_>, Vec<_>) = plant.written().into_iter().partition(|it| *it == (RUN, 0));

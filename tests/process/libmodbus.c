@@ -1,6 +1,9 @@
 /* libmodbus as a client, with what applies of its own test client.
  *
  *     libmodbus PORT UNIT
+ *     libmodbus DEVICE UNIT
+ *
+ * With a DEVICE it is a serial master, and runs the library's functions alone.
  *
  * Debian ships that client as an example of libmodbus-dev. The most of its `main` assumes the memory of the server that
  * comes with it: coils and registers that keep whatever is written. Its `test_server`, which sends crafted requests and
@@ -42,6 +45,7 @@ const uint16_t UT_IREAL_ABCD_GET[2], UT_IREAL_DCBA_GET[2], UT_IREAL_BADC_GET[2],
 #undef main
 
 static int failures;
+static int is_serial;
 
 static void expect(const char *what, int is_right, int rc)
 {
@@ -95,13 +99,21 @@ static void functions(modbus_t *ctx)
     EXPECT_REFUSED(modbus_report_slave_id(ctx, sizeof bits, bits), EMBXILFUN);
     EXPECT_REFUSED(modbus_read_registers(ctx, 0, MODBUS_MAX_READ_REGISTERS + 1, words), EMBMDATA);
     modbus_set_slave(ctx, INVALID_SERVER_ID);
-    EXPECT_REFUSED(modbus_read_registers(ctx, 0, 1, words), EMBXGPATH);
+    if (is_serial) {
+        /* It may be another slave's: the gateway does not answer. */
+        modbus_set_response_timeout(ctx, 0, 500000);
+        EXPECT_REFUSED(modbus_read_registers(ctx, 0, 1, words), ETIMEDOUT);
+    } else {
+        EXPECT_REFUSED(modbus_read_registers(ctx, 0, 1, words), EMBXGPATH);
+    }
 }
 
 int main(int argc, char *argv[])
 {
-    modbus_t *ctx = modbus_new_tcp("127.0.0.1", argc == 3 ? atoi(argv[1]) : 0);
+    modbus_t *ctx;
 
+    is_serial = argc == 3 && argv[1][0] == '/';
+    ctx = is_serial ? modbus_new_rtu(argv[1], 9600, 'N', 8, 1) : modbus_new_tcp("127.0.0.1", argc == 3 ? atoi(argv[1]) : 0);
     unit = argc == 3 ? atoi(argv[2]) : 0;
     modbus_set_slave(ctx, unit);
     modbus_set_response_timeout(ctx, 6, 0);
@@ -109,7 +121,7 @@ int main(int argc, char *argv[])
         printf("Connection failed: %s\n", modbus_strerror(errno));
         return 1;
     }
-    if (test_server(ctx, TCP) == -1) {
+    if (!is_serial && test_server(ctx, TCP) == -1) {
         failures++;
     }
     modbus_set_response_timeout(ctx, 6, 0);

@@ -130,8 +130,9 @@ pub fn node(name: &str) -> Command {
     command
 }
 
-/// libmodbus against `unit`, compiled into `directory` with the test client that comes with it; see `libmodbus.c`.
-pub fn libmodbus(directory: &Path, address: SocketAddr, unit: u8) -> Output {
+/// libmodbus against `unit` at `place`, a port of this host or a serial device, compiled into `directory` with the test
+/// client that comes with it; see `libmodbus.c`.
+pub fn libmodbus(directory: &Path, place: &str, unit: u8) -> Output {
     const EXAMPLES: &str = "/usr/share/doc/libmodbus-dev/examples";
     assert!(Path::new(EXAMPLES).join("unit-test-client.c").exists(), "{EXAMPLES} is missing; run tests/run");
     let program = directory.join("libmodbus");
@@ -140,7 +141,7 @@ pub fn libmodbus(directory: &Path, address: SocketAddr, unit: u8) -> Output {
     compiler.args(["-w", "-I/usr/include/modbus", "-I", EXAMPLES, "-o"]).arg(&program);
     let output = run(compiler.arg(script("libmodbus.c")).arg("-lmodbus"));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    run(Command::new(program).args([address.port().to_string(), unit.to_string()]))
+    run(Command::new(program).args([place, &unit.to_string()]))
 }
 
 /// The responses that a requester with MQTT 5 gets from paho-mqtt; see `requester.py`.
