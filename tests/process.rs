@@ -13,6 +13,7 @@
 //! | `coming_and_going` | unplugged adapters, signals, taken ports |
 //! | `unplugging` | an adapter that comes and goes leaks nothing and is back within a second; a device has one holder |
 //! | `network` | lines behind ser2net and other serial device servers |
+//! | `modbus_tcp_drives` | drives behind Modbus TCP servers of others, with a way between that cuts, delays, doubles and swaps |
 //! | `live` | the page hears of values, trips, lost lines and reloads, and no listener costs the others anything |
 //! | `asking` | `health`, `read`, `write` and `watch` ask a running gateway |
 //! | `scanning` | `scan` finds drives on a line that nobody uses, with model and setting, by reads alone |
@@ -244,8 +245,12 @@ mod adapter;
 mod chromium;
 #[path = "process/hass.rs"]
 mod hass;
+#[path = "process/meddler.rs"]
+mod meddler;
 #[path = "process/mistakes.rs"]
 mod mistakes;
+#[path = "process/modbus_tcp_drives.rs"]
+mod modbus_tcp_drives;
 #[path = "process/mosquitto.rs"]
 mod mosquitto;
 #[path = "process/on_port.rs"]

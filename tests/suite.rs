@@ -95,6 +95,8 @@ mod late_reply;
 mod learned_times;
 #[path = "scenarios/leaving.rs"]
 mod leaving;
+#[path = "scenarios/modbus_tcp_line.rs"]
+mod modbus_tcp_line;
 #[path = "scenarios/model_conversations.rs"]
 mod model_conversations;
 #[path = "scenarios/native_blocks.rs"]

@@ -192,19 +192,13 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
     let (timing, needs_virtual) = line_plan::timing(line);
     let budget = line_plan::budget(line);
     let framing = if line.framing == Framing::Ascii { ", ASCII frames" } else { "" };
-    writeln!(text, "line {} on {}: {}{framing}", line.name, line.port, line.link)?;
+    writeln!(text, "line {} on {}: {}{framing}", line.name, line.port, link_text(line))?;
     writeln!(text, "  {}", of_port(line))?;
-    write!(text, "  silence before each frame {}", ms(timing.silence))?;
-    writeln!(
-        text,
-        "{}",
-        if needs_virtual { " (shorter than the drives need: pseudo-terminal or tcp:// only)" } else { "" }
-    )?;
-    let echo = match line.echo {
-        EchoPolicy::Refuse => "an echo of the adapter takes the line down",
-        EchoPolicy::Strip => "an echo of the adapter is taken out",
-    };
-    writeln!(text, "  {echo}")?;
+    if line.framing.has_characters() {
+        serial_line(text, line, timing.silence, needs_virtual)?;
+    } else if timing.silence > Duration::ZERO {
+        writeln!(text, "  at least {} between a reply and the next request", ms(timing.silence))?;
+    }
     writeln!(
         text,
         "  polls use {:.1} % of the line, at an assumed turnaround of {} where a model documents none",
@@ -225,6 +219,22 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
         drive::describe(text, line, place, &budget, mqtt)?;
     }
     writeln!(text)
+}
+
+/// `9600 8N1`, or that there is none.
+fn link_text(line: &LineSettings) -> String {
+    if line.framing.has_characters() { line.link.to_string() } else { "Modbus TCP".to_owned() }
+}
+
+/// The silence of a serial line, and its echo.
+fn serial_line(text: &mut String, line: &LineSettings, silence: Duration, needs_virtual: bool) -> std::fmt::Result {
+    let shorter = if needs_virtual { " (shorter than the drives need: pseudo-terminal or tcp:// only)" } else { "" };
+    writeln!(text, "  silence before each frame {}{shorter}", ms(silence))?;
+    let echo = match line.echo {
+        EchoPolicy::Refuse => "an echo of the adapter takes the line down",
+        EchoPolicy::Strip => "an echo of the adapter is taken out",
+    };
+    writeln!(text, "  {echo}")
 }
 
 /// How long it takes to read everything once, beside the shortest way that the models allow.
@@ -259,7 +269,9 @@ fn neighbours(text: &mut String, line: &LineSettings) -> std::fmt::Result {
 fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
     let StopBounds { all_healthy, one_silent, each_further } = line_plan::stop_bounds(line);
     writeln!(text, "  a stop starts at most {} after it is accepted while every drive answers,", ms(all_healthy))?;
-    writeln!(text, "  and at most {} after it with a drive that does not", ms(one_silent))?;
+    let beside =
+        if line.framing.has_characters() { "" } else { "; what the network and a converter take comes on top" };
+    writeln!(text, "  and at most {} after it with a drive that does not{beside}", ms(one_silent))?;
     let deaf = |drive: &DriveSettings| {
         let deaf = drive.control.as_ref().map(|_| drive.model.longest_deafness())?;
         (deaf > Duration::ZERO).then(|| format!("{} for {}", drive.name, ms(deaf)))
@@ -272,8 +284,12 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
             list(deaf)
         )?;
     }
-    let costs = line_plan::missing_reply_costs(line);
-    writeln!(text, "  its confirmation takes at most {} longer if a reply is missing or damaged", ms(costs))?;
+    match line_plan::missing_reply_costs(line) {
+        Duration::ZERO => writeln!(text, "  a missing reply does not delay its confirmation: replies are numbered")?,
+        costs => {
+            writeln!(text, "  its confirmation takes at most {} longer if a reply is missing or damaged", ms(costs))?
+        }
+    }
     if line.drives.len() > 1 {
         writeln!(text, "  each further stop at the same time adds up to {}", ms(each_further))?;
     }
@@ -282,13 +298,20 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
 
 /// How the line is connected.
 fn of_port(line: &LineSettings) -> String {
-    let PortAddress::Device(_) = line.port else {
-        let lateness_s = line.port.max_lateness().as_secs();
-        return format!(
-            "network: frames go to a serial device server, whose line is set to {}; a reply may be {lateness_s} s late",
-            line.link
-        );
-    };
+    match line.port {
+        PortAddress::Device(_) => {}
+        PortAddress::Tcp { .. } => {
+            let lateness_s = line.port.max_lateness().as_secs();
+            return format!(
+                "network: frames go to a serial device server, whose line is set to {}; a reply may be {lateness_s} s late",
+                line.link
+            );
+        }
+        PortAddress::ModbusTcp { .. } => {
+            return "network: one connection, with one request at a time; each reply carries the number of its request"
+                .to_owned();
+        }
+    }
     let interface = word_for(&INTERFACES, &line.interface);
     let direction = match (line.interface, line.direction) {
         (Interface::Rs232, _) => "",

@@ -196,7 +196,7 @@ impl OwnGateway {
         let model = args.model()?;
         let station = args.station.ok_or_else(|| Failure::wrong("directly on a port, --station is needed"))?;
         let directory = Directory::new()?;
-        let link = link_of(args, &model)?;
+        let link = if port.is_serial_line() { link_of(args, &model)? } else { no_link_of(args)? };
         let text = text(port, args, link, station, &model, extra, &directory.0);
         let config = input::config_of(&text, &args.catalog()?)?;
         let line = config.lines.first().ok_or_else(|| Failure::failed("no line"))?;
@@ -224,7 +224,8 @@ impl OwnGateway {
         let own = Self { directory, connections, drive, station, end: Some(end), thread: Some(thread) };
         if let Err(why) = answers(&current).await {
             own.close().await;
-            return Err(Failure::failed(format!("station {station} on {port} at {link}: {why}")));
+            let at = if port.is_serial_line() { format!(" at {link}") } else { String::new() };
+            return Err(Failure::failed(format!("station {station} on {port}{at}: {why}")));
         }
         Ok(own)
     }
@@ -301,6 +302,14 @@ fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
     })
 }
 
+/// Over Modbus TCP there are no settings of a line.
+fn no_link_of(args: &DriveArgs) -> Result<LinkSettings, Failure> {
+    if args.baud.is_some() || args.link.is_given() || args.ascii || args.echo {
+        return Err(Failure::wrong("Modbus TCP has no speed, characters or echo: leave these options out"));
+    }
+    Ok(LinkSettings::DEFAULT)
+}
+
 /// The configuration of a gateway for one drive.
 fn text(
     port: &PortAddress,
@@ -311,14 +320,16 @@ fn text(
     extra: &Extra,
     data_dir: &Path,
 ) -> String {
-    let LinkSettings { baud, stop_bits, .. } = link;
-    let parity = word_for(&PARITIES, &link.parity);
     let mut text = format!(
-        "[gateway]\nname = \"tool\"\ndata_dir = {}\n\n[[line]]\nname = \"tool\"\nport = {}\nbaud = {baud}\n\
-         parity = \"{parity}\"\nstop_bits = {stop_bits}\n",
+        "[gateway]\nname = \"tool\"\ndata_dir = {}\n\n[[line]]\nname = \"tool\"\nport = {}\n",
         json!(data_dir.display().to_string()),
         json!(port.to_string()),
     );
+    if port.is_serial_line() {
+        let LinkSettings { baud, stop_bits, .. } = link;
+        let parity = word_for(&PARITIES, &link.parity);
+        let _ = writeln!(text, "baud = {baud}\nparity = \"{parity}\"\nstop_bits = {stop_bits}");
+    }
     if matches!(port, PortAddress::Device(_)) {
         let _ = writeln!(text, "rs485 = \"{}\"", args.link.direction_word());
     }

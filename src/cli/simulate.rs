@@ -48,7 +48,7 @@ pub struct Args {
     /// Stop bits; default: the model's factory setting; if none is known, 1, or the first that it lists
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
     stop_bits: Option<u8>,
-    /// Framing; the model must support it
+    /// Framing; the model must support RTU or ASCII. modbus-tcp needs --tcp and plays each drive as a unit of a server
     #[arg(long, value_enum, default_value_t = FramingArg::Rtu)]
     framing: FramingArg,
     /// Data bits, 7 with ASCII framing only; default: the model's factory setting
@@ -90,10 +90,11 @@ enum ParityArg {
     Odd,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum FramingArg {
     Rtu,
     Ascii,
+    ModbusTcp,
 }
 
 /// Simulates the drives until SIGINT or SIGTERM.
@@ -102,7 +103,11 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     let framing = match args.framing {
         FramingArg::Rtu => Framing::Rtu,
         FramingArg::Ascii => Framing::Ascii,
+        FramingArg::ModbusTcp => Framing::Mbap,
     };
+    if framing == Framing::Mbap && args.tcp.is_none() {
+        return Err(Failure::wrong("Modbus TCP needs an address to listen on: add `--tcp 127.0.0.1:1502`"));
+    }
     let link = link_of(args, &model, framing)?;
     let stations = model.link.stations.value.clone();
     if let Some(wrong) = args.stations.iter().find(|station| !stations.contains(station)) {
@@ -124,16 +129,21 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     let assumed = assumed(args, &model);
     let announcement = |place: &dyn Display| {
         format!(
-            "{assumed}{} at {link}{} on {place}, station{} {}\n",
+            "{assumed}{}{} on {place}, station{} {}\n",
             model.id,
-            if framing == Framing::Ascii { " ascii" } else { "" },
+            match framing {
+                Framing::Rtu => format!(" at {link}"),
+                Framing::Ascii => format!(" at {link} ascii"),
+                Framing::Mbap => String::new(),
+            },
             if args.stations.len() == 1 { "" } else { "s" },
             args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
         )
     };
     if let Some(address) = args.tcp {
         let end = TcpEnd::listen(address).map_err(|error| Failure::failed(format!("{address}: {error}")))?;
-        let place = format!("tcp://{}", end.address().map_err(Failure::failed)?);
+        let scheme = if framing == Framing::Mbap { "modbus-tcp" } else { "tcp" };
+        let place = format!("{scheme}://{}", end.address().map_err(Failure::failed)?);
         return play_until_told(end, &mut bus, &announcement(&place), trips);
     }
     let mut pty = Pty::new().map_err(Failure::failed)?;
@@ -151,6 +161,9 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
 
 /// The settings of the line, if a drive of `model` supports its framing and data bits.
 fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings, Failure> {
+    if !framing.has_characters() {
+        return Ok(LinkSettings::DEFAULT);
+    }
     let factory = model.link.played();
     let data_bits = args.data_bits.unwrap_or(factory.data_bits);
     if !model.link.framings.value.contains(&framing) {
@@ -185,7 +198,8 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
 
 /// What is said first where a setting was chosen that no document gives.
 fn assumed(args: &Args, model: &Model) -> String {
-    let all_given = args.baud.is_some() && args.parity.is_some() && args.stop_bits.is_some();
+    let all_given = args.framing == FramingArg::ModbusTcp
+        || args.baud.is_some() && args.parity.is_some() && args.stop_bits.is_some();
     match &model.link.default.value {
         Factory::Ask(text) if !all_given => format!(
             "no factory setting of {} is known ({text}); without --baud, --parity and --stop-bits, usual ones are taken\n",
@@ -198,7 +212,7 @@ fn assumed(args: &Args, model: &Model) -> String {
 fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings) -> SimBus {
     let options = BusOptions {
         framing,
-        pacing: if args.unpaced { Pacing::None } else { Pacing::CharacterTimes },
+        pacing: if args.unpaced || !framing.has_characters() { Pacing::None } else { Pacing::CharacterTimes },
         turnaround: Duration::from_millis(args.turnaround_ms),
         faults: args.faults,
         ..BusOptions::default()

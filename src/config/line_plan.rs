@@ -19,7 +19,9 @@ pub(super) const DEFAULT_STATUS_AGE: Duration = Duration::from_secs(5);
 pub fn timing(line: &LineSettings) -> (Timing, bool) {
     let models = line.drives.iter().map(|drive| drive.model.as_ref());
     let needed = Timing::for_models(line.framing, line.link, models, line.min_request_gap);
-    match line.silence {
+    // Frames that say their length need no silence.
+    let silence = if line.framing.has_characters() { line.silence } else { Silence::Auto };
+    match silence {
         Silence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
         Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
         Silence::Auto => (needed, false),
@@ -125,7 +127,7 @@ fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
 fn advice(line: &LineSettings, budget: &Budget) -> String {
     let slowest = line.drives.iter().map(|drive| drive.poll).max().unwrap_or_default();
     let kept = slowest.mul_f64(budget.stretch).as_secs_f64().ceil();
-    let most = line.link.baud;
+    let most = if line.framing.has_characters() { line.link.baud } else { u32::MAX };
     let faster = line.drives.iter().map(|drive| drive.model.link.bauds.value.as_slice());
     let faster = faster.reduce(|a, b| if a.iter().max() < b.iter().max() { a } else { b }).unwrap_or_default();
     let faster = faster.iter().copied().filter(|baud| *baud > most).max();

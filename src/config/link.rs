@@ -1,6 +1,7 @@
 //! Agreement between a line and its models: speed, character format, framing, interface.
 
 use super::file::{DriveFile, LineFile};
+use super::port;
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Factory, Link, Model};
@@ -23,8 +24,12 @@ pub(super) struct Settled {
     pub interface: Interface,
 }
 
-/// Settles `line` with its distinct `models`. `None`: see `problems`.
+/// Settles `line` with its distinct `models`. `None`: see `problems`. Over Modbus TCP there is nothing to agree on.
 pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Problem>) -> Option<Settled> {
+    if port::is_modbus_tcp(line) {
+        let link = LinkSettings::DEFAULT;
+        return Some(Settled { link, framing: Framing::Mbap, interface: Interface::Rs485 });
+    }
     let framing = choose(line, models, &line.framing, Framing::Rtu, &FRAMING, problems);
     let interface = choose(line, models, &line.interface, Interface::Rs485, &INTERFACE, problems);
     let baud = setting(line, models, framing, &line.baud, &BAUD, problems);

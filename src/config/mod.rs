@@ -73,6 +73,20 @@ pub fn port_address(text: &str) -> Result<PortAddress, String> {
     port::parse(text).map_err(|(what, right)| format!("{what}; right would be {right}"))
 }
 
+/// Parses the port of a serial line, for tools that look for drives at each station and setting.
+///
+/// # Errors
+/// The text is not a valid port, or one of Modbus TCP: what is wrong, and what would be right.
+pub fn serial_port_address(text: &str) -> Result<PortAddress, String> {
+    let address = port_address(text)?;
+    if address.is_serial_line() {
+        return Ok(address);
+    }
+    Err("drives are looked for on serial lines only; right would be a `[[line]]` with this port, and the unit of each \
+         drive as its `station`"
+        .to_owned())
+}
+
 /// The model directories of `text`, whose models belong to the catalog that it is [loaded](load) with; each with its
 /// location. Empty if they are unusable, which loading reports.
 #[must_use]

@@ -11,7 +11,10 @@ use std::path::PathBuf;
 
 /// Examples of valid ports.
 const RIGHT: &str = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\", or a serial device server, as \
-                     \"tcp://10.0.0.7:4001\"";
+                     \"tcp://10.0.0.7:4001\", or Modbus TCP, as \"modbus-tcp://10.0.0.7\"";
+
+/// The port of Modbus TCP where none is given.
+const MODBUS_TCP_PORT: u16 = 502;
 
 /// Why a text is not a valid port: what is wrong, and what would be right.
 pub(super) type Wrong = (String, String);
@@ -25,32 +28,34 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
         };
     };
     let wrong = |what: &str, right: &str| Err((format!("`{text}` {what}"), right.to_owned()));
-    match scheme {
-        "tcp" => {}
-        "modbus-tcp" => {
-            let right = "the serial line of these drives; or `tcp://` where a serial device server passes the frames of \
-                         the line on as they are, with their checksums";
-            return Err(("drives with their own Modbus TCP interface are not supported".to_owned(), right.to_owned()));
-        }
-        _ => return Err((format!("a line over `{scheme}://` is not served"), RIGHT.to_owned())),
+    let is_modbus_tcp = scheme == PortAddress::MODBUS_TCP;
+    if !is_modbus_tcp && scheme != "tcp" {
+        return Err((format!("a line over `{scheme}://` is not served"), RIGHT.to_owned()));
     }
     if rest.contains(['/', '?', '#', '@']) {
         return wrong("has more than a host and a port", RIGHT);
     }
     let Some((host, port)) = host_and_port(rest) else { return wrong("has no usable host", RIGHT) };
-    let Some(digits) = port else {
-        let bracketed = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
-        let right = format!("the port that the serial device server listens on, as \"tcp://{bracketed}:4001\"");
-        return wrong("names no port, and there is no usual one", &right);
+    let number = match port {
+        None if is_modbus_tcp => Some(MODBUS_TCP_PORT),
+        Some(digits) => port_number(digits),
+        None => {
+            let bracketed = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
+            let right = format!("the port that the serial device server listens on, as \"tcp://{bracketed}:4001\"");
+            return wrong("names no port, and there is no usual one", &right);
+        }
     };
-    let Some(port) = port_number(digits) else { return wrong("has no usable port", "a port from 1 to 65535") };
+    let Some(port) = number else { return wrong("has no usable port", "a port from 1 to 65535") };
     // One spelling per host, so that duplicate ports are found.
     let host = host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: Ipv6Addr| ip.to_string());
-    Ok(PortAddress::Tcp { host, port })
+    Ok(if is_modbus_tcp { PortAddress::ModbusTcp { host, port } } else { PortAddress::Tcp { host, port } })
 }
 
 /// Reports the keys of `line` that have no effect with its port or its interface.
 pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
+    if is_modbus_tcp(line) {
+        return without_characters(line, problems);
+    }
     let mut leave_out = |location: &Location, what: &str| {
         problems.push(location.problem(format!("has no effect: {what}")).right("leave it out").warning());
     };
@@ -64,8 +69,44 @@ pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
     }
 }
 
+/// Reports the keys of a Modbus TCP `line` that are about a serial line, or about what such a line cannot tell apart.
+fn without_characters(line: &LineFile, problems: &mut Vec<Problem>) {
+    if let Some(framing) = line.framing.valid() {
+        let what = "Modbus TCP has frames of its own, which are neither RTU nor ASCII";
+        let right = "leave it out; or `tcp://` where a serial device server passes the frames of a line on as they are";
+        problems.push(framing.location.problem(what).right(right));
+    }
+    if let Some(rs232) = line.interface.valid().filter(|interface| interface.value == Interface::Rs232) {
+        problems.push(rs232.location.problem("a Modbus TCP connection is no RS-232").right("leave it out"));
+    }
+    let rs485 = line.interface.valid().filter(|interface| interface.value == Interface::Rs485);
+    let of_a_serial_line = [
+        rs485.map(|it| &it.location),
+        line.baud.valid().map(|it| &it.location),
+        line.data_bits.valid().map(|it| &it.location),
+        line.parity.valid().map(|it| &it.location),
+        line.stop_bits.valid().map(|it| &it.location),
+        line.echo.valid().map(|it| &it.location),
+        line.direction.valid().map(|it| &it.location),
+        line.low_latency.valid().map(|it| &it.location),
+        line.silence.valid().map(|it| &it.location),
+    ];
+    let mut leave_out = |location: &Location, what: &str| {
+        problems.push(location.problem(format!("has no effect: {what}")).right("leave it out").warning());
+    };
+    for location in of_a_serial_line.into_iter().flatten() {
+        leave_out(location, "it is about a serial line, and Modbus TCP has none on this side");
+    }
+    for max_lateness in line.drives.iter().filter_map(|drive| drive.max_lateness.valid()) {
+        leave_out(&max_lateness.location, "over Modbus TCP each reply carries the number of its request");
+    }
+}
+
 /// Why the direction of an adapter is not switched on this side of `line`; `None` if it may be.
 pub(super) fn why_not_turned(line: &LineFile) -> Option<&'static str> {
+    if is_modbus_tcp(line) {
+        return Some("Modbus TCP has no direction");
+    }
     if is_tcp(line) {
         return Some("the direction is turned by the serial device server, not from here");
     }
@@ -75,6 +116,11 @@ pub(super) fn why_not_turned(line: &LineFile) -> Option<&'static str> {
 
 fn is_tcp(line: &LineFile) -> bool {
     line.port.as_ref().is_some_and(|port| matches!(port.value, PortAddress::Tcp { .. }))
+}
+
+/// Whether the port of `line` is known to be Modbus TCP.
+pub(super) fn is_modbus_tcp(line: &LineFile) -> bool {
+    line.port.as_ref().is_some_and(|port| !port.value.is_serial_line())
 }
 
 #[cfg(test)]
@@ -87,7 +133,8 @@ mod tests {
     }
 
     #[test]
-    fn devices_and_serial_device_servers_are_distinguished() {
+    fn devices_device_servers_and_modbus_tcp_are_distinguished() {
+        let modbus_tcp = |host: &str, port| PortAddress::ModbusTcp { host: host.to_owned(), port };
         let device = |path: &str| PortAddress::Device(Path::new(path).to_owned());
         for (text, address) in [
             ("/dev/ttyUSB0", device("/dev/ttyUSB0")),
@@ -96,11 +143,15 @@ mod tests {
             ("tcp://Hall-1.Example:1", tcp("hall-1.example", 1)),
             ("tcp://[::1]:65535", tcp("::1", 65_535)),
             ("tcp://[FD00:0::7]:4001", tcp("fd00::7", 4001)),
+            ("modbus-tcp://10.0.0.7:1502", modbus_tcp("10.0.0.7", 1502)),
+            ("modbus-tcp://Press.Example", modbus_tcp("press.example", 502)),
+            ("modbus-tcp://[FD00:0::7]", modbus_tcp("fd00::7", 502)),
         ] {
             assert_eq!(parse(text), Ok(address), "{text}");
         }
         assert_eq!(tcp("fd00::7", 4001).to_string(), "tcp://[fd00::7]:4001");
         assert_eq!(tcp("hall", 1).to_string(), "tcp://hall:1");
+        assert_eq!(modbus_tcp("fd00::7", 502).to_string(), "modbus-tcp://[fd00::7]:502");
     }
 
     #[test]
@@ -113,11 +164,10 @@ mod tests {
             ("http://10.0.0.7:4001", "a line over `http://` is not served", "tcp://"),
             ("TCP://10.0.0.7:4001", "a line over `TCP://` is not served", "tcp://"),
             ("udp://10.0.0.7:4001", "a line over `udp://` is not served", "tcp://"),
-            (
-                "modbus-tcp://10.0.0.7:502",
-                "drives with their own Modbus TCP interface are not supported",
-                "serial line",
-            ),
+            ("modbus-tcp://", "has no usable host", usual),
+            ("modbus-tcp://10.0.0.7:0", "has no usable port", "1 to 65535"),
+            ("modbus-tcp://10.0.0.7/1", "has more than a host and a port", "modbus-tcp://"),
+            ("modbus://10.0.0.7", "a line over `modbus://` is not served", "modbus-tcp://"),
             ("tcp://", "has no usable host", usual),
             ("tcp://:4001", "has no usable host", usual),
             ("tcp://a b:4001", "has no usable host", usual),

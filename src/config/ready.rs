@@ -85,7 +85,7 @@ pub struct LineSettings {
     pub name: Name,
     /// The port of the line. No other line has the same one, as far as the text shows.
     pub port: PortAddress,
-    /// Speed and character format, supported by every model on the line.
+    /// Speed and character format, supported by every model on the line; without meaning over Modbus TCP.
     pub link: LinkSettings,
     /// The physical interface, supported by every model on the line.
     pub interface: Interface,
@@ -121,26 +121,56 @@ pub enum PortAddress {
         /// Port, from 1.
         port: u16,
     },
+    /// A drive, or a converter before drives, that speaks Modbus TCP.
+    ModbusTcp {
+        /// As for the device server.
+        host: String,
+        /// Port, from 1.
+        port: u16,
+    },
 }
 
 impl PortAddress {
-    /// How long a late reply may still be in transit through this port, whatever the drive does.
+    /// The scheme before the host of a modbus-tcp address.
+    pub(crate) const MODBUS_TCP: &str = "modbus-tcp";
+
+    /// How long a late reply may still be in transit through this port, whatever the drive does, and be mistaken for
+    /// another.
     #[must_use]
     pub const fn max_lateness(&self) -> Duration {
         match self {
-            Self::Device(_) => Duration::ZERO,
+            Self::Device(_) | Self::ModbusTcp { .. } => Duration::ZERO,
             Self::Tcp { .. } => TCP_LATENESS,
         }
+    }
+
+    /// Host and port, if it is reached over a network.
+    #[must_use]
+    pub fn network(&self) -> Option<(&str, u16)> {
+        match self {
+            Self::Device(_) => None,
+            Self::Tcp { host, port } | Self::ModbusTcp { host, port } => Some((host, *port)),
+        }
+    }
+
+    /// Whether it is a serial line, here or behind a device server: with characters, and a speed.
+    #[must_use]
+    pub const fn is_serial_line(&self) -> bool {
+        !matches!(self, Self::ModbusTcp { .. })
     }
 }
 
 impl fmt::Display for PortAddress {
     /// As written in the file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Device(path) => path.display().fmt(f),
-            Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp://[{host}]:{port}"),
-            Self::Tcp { host, port } => write!(f, "tcp://{host}:{port}"),
+        let (scheme, host, port) = match self {
+            Self::Device(path) => return path.display().fmt(f),
+            Self::Tcp { host, port } => ("tcp", host, port),
+            Self::ModbusTcp { host, port } => (Self::MODBUS_TCP, host, port),
+        };
+        match host.contains(':') {
+            true => write!(f, "{scheme}://[{host}]:{port}"),
+            false => write!(f, "{scheme}://{host}:{port}"),
         }
     }
 }

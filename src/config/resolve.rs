@@ -261,7 +261,10 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
     let mut owners: BTreeMap<Station, &DriveFile> = BTreeMap::new();
     for (drive, parts) in line.drives.iter().zip(parts) {
         let Some(station) = &drive.station else { continue };
-        if let Some(model) = parts.model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0)) {
+        if port::is_modbus_tcp(line) {
+            is_a_unit(station, problems);
+        } else if let Some(model) = parts.model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0))
+        {
             let range = &model.link.stations.value;
             let what = format!("station {} cannot be set on {}", station.value, model.id);
             problems.push(station.location.problem(what).right(format!("{} to {}", range.start(), range.end())));
@@ -272,6 +275,15 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
         };
         let what = format!("{} and {} both use station {}", owner.label(), drive.label(), station.value);
         problems.push(station.location.problem(what).right("a station that no other drive on the line uses"));
+    }
+}
+
+/// Over Modbus TCP the unit need not be one that the drive takes on a serial line (messaging on TCP/IP implementation
+/// guide V1.0b, 4.4.2.1): 255 and 0 stand for the device itself.
+fn is_a_unit(station: &Spanned<Station>, problems: &mut Vec<Problem>) {
+    if (248..=254).contains(&station.value.0) {
+        let problem = station.location.problem(format!("the unit {} is reserved", station.value));
+        problems.push(problem.right("0 to 247, or 255, as the drive or the converter is set"));
     }
 }
 
@@ -316,7 +328,7 @@ struct Shared {
 
 fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units) -> Option<DriveSettings> {
     let model = match line.framing {
-        Framing::Rtu => parts.model?,
+        Framing::Rtu | Framing::Mbap => parts.model?,
         Framing::Ascii => Arc::new(parts.model?.on(line.framing)),
     };
     Some(DriveSettings {

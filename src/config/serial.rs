@@ -27,6 +27,11 @@ pub(super) fn settle(
 }
 
 fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>) -> Option<SerialMasterSettings> {
+    if let Some(port) = serial.port.as_ref().filter(|port| !port.value.is_serial_line()) {
+        let problem = port.location.problem("a serial master is not reached over Modbus TCP");
+        problems.push(problem.right("its serial device or `tcp://`; Modbus TCP clients connect to a `[[modbus_tcp]]`"));
+        return None;
+    }
     may_stop(serial, problems);
     may_renew(serial, problems);
     let framing = serial.framing.or(Framing::Rtu);

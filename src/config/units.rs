@@ -1,6 +1,7 @@
 //! The units of each drive, and conflicts between them on a listener.
 
 use super::file::{DriveFile, File, ListenerFile};
+use super::port;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::Problem;
 use crate::toml_file::{Location, OptionalKey};
@@ -30,7 +31,9 @@ pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec
         .enumerate()
         .map(|(index, line)| {
             let with = shared.get(&index).copied();
-            line.drives.iter().map(|drive| units_of(drive, with, &mut free, problems)).collect()
+            let may_be_the_device = port::is_modbus_tcp(line);
+            let units = line.drives.iter().map(|drive| units_of(drive, with, may_be_the_device, &mut free, problems));
+            units.collect()
         })
         .collect();
     let mut told = BTreeSet::new();
@@ -51,15 +54,23 @@ fn shared_lines<'a>(served: &[BTreeSet<usize>], listeners: &[&'a ListenerFile]) 
     shared
 }
 
-fn units_of(drive: &DriveFile, shared: Option<&ListenerFile>, free: &mut Free, problems: &mut Vec<Problem>) -> Units {
-    let native = native_of(drive, shared, free, problems);
+fn units_of(
+    drive: &DriveFile,
+    shared: Option<&ListenerFile>,
+    may_be_the_device: bool,
+    free: &mut Free,
+    problems: &mut Vec<Problem>,
+) -> Units {
+    let native = native_of(drive, shared, may_be_the_device, free, problems);
     Units { native, uniform: uniform_of(drive, native, free, problems) }
 }
 
-/// The native unit: as written, or the station if the line shares its listeners with no other line.
+/// The native unit: as written, or the station if the line shares its listeners with no other line. The station
+/// `may_be_the_device` itself: 0 or 255, which is no unit here.
 fn native_of(
     drive: &DriveFile,
     shared: Option<&ListenerFile>,
+    may_be_the_device: bool,
     free: &mut Free,
     problems: &mut Vec<Problem>,
 ) -> Option<UnitId> {
@@ -68,9 +79,16 @@ fn native_of(
         OptionalKey::Invalid => return None,
         OptionalKey::Absent => {}
     }
-    // Every valid station is a valid unit, so an invalid one is already reported as a station.
-    let station = drive.station.as_ref().and_then(|station| UnitId::new(station.value.0));
-    let Some(listener) = shared else { return station };
+    // Every valid station of a serial line is a valid unit, so an invalid one is already reported as a station.
+    let written = drive.station.as_ref();
+    let station = written.and_then(|station| UnitId::new(station.value.0));
+    let Some(listener) = shared else {
+        if let Some(beyond) = written.filter(|it| may_be_the_device && matches!(it.value.0, 0 | u8::MAX)) {
+            let what = format!("`unit` is left out, and station {} is no unit of a listener", beyond.value);
+            problems.push(free.native_instead(drive.location.missing("unit").problem(what), drive, None));
+        }
+        return station;
+    };
     let what = format!("`unit` is left out, and {} serves more than one line", listener.label());
     problems.push(free.native_instead(drive.location.missing("unit").problem(what), drive, station));
     None

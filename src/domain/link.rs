@@ -61,6 +61,23 @@ pub enum Framing {
     Rtu,
     /// Hexadecimal text between ':' and CR LF.
     Ascii,
+    /// Modbus TCP: behind a header (MBAP) with the frame's length and the identifier of its transaction.
+    Mbap,
+}
+
+impl Framing {
+    /// Whether a reply carries the number of its request. Then a late reply can be mistaken for no other one, and a copy
+    /// of a request for no reply.
+    #[must_use]
+    pub const fn identifies_replies(self) -> bool {
+        matches!(self, Self::Mbap)
+    }
+
+    /// Whether frames are made of characters that take their time on a wire.
+    #[must_use]
+    pub const fn has_characters(self) -> bool {
+        !matches!(self, Self::Mbap)
+    }
 }
 
 /// Speed and character format.
@@ -122,12 +139,20 @@ impl fmt::Display for LinkSettings {
 pub struct Wiring {
     /// The device or address by which the line is reached, as the configuration writes it.
     pub port: String,
-    /// Speed and character format.
+    /// Speed and character format; without meaning where there are no characters.
     pub link: LinkSettings,
     /// How frames are delimited.
     pub framing: Framing,
     /// The station numbers of its drives, in order.
     pub stations: Vec<Station>,
+}
+
+impl Wiring {
+    /// Speed and character format; `None` where there are no characters.
+    #[must_use]
+    pub fn characters(&self) -> Option<LinkSettings> {
+        self.framing.has_characters().then_some(self.link)
+    }
 }
 
 impl Default for Wiring {

@@ -33,6 +33,9 @@ pub enum LineFault {
     /// The adapter echoes what is sent, and the configuration does not allow that.
     #[error("the adapter echoes what is sent: switch its echo off, or set `echo = \"strip\"`")]
     Echo,
+    /// What is received is no stream of Modbus TCP messages. The connection is closed and opened again.
+    #[error("out of step: what the peer sends is no Modbus TCP message")]
+    OutOfStep,
     /// Something on the line sends without a pause. Only stops are still tried.
     #[error("jammed: something on the line never stops sending")]
     Jammed,
@@ -40,7 +43,8 @@ pub enum LineFault {
 
 impl LineFault {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Gone, Self::Failed, Self::Stuck, Self::Mute, Self::Echo, Self::Jammed];
+    pub const ALL: [Self; 7] =
+        [Self::Gone, Self::Failed, Self::Stuck, Self::Mute, Self::Echo, Self::OutOfStep, Self::Jammed];
 
     /// The machine-readable name.
     #[must_use]
@@ -51,6 +55,7 @@ impl LineFault {
             Self::Stuck => "stuck",
             Self::Mute => "mute",
             Self::Echo => "echo",
+            Self::OutOfStep => "out_of_step",
             Self::Jammed => "jammed",
         }
     }

@@ -11,6 +11,12 @@ pub enum Suspicion {
          station numbers"
     )]
     NothingHeard,
+    /// A Modbus TCP server takes requests and sends nothing.
+    #[error(
+        "nothing received from the Modbus TCP server: check that it is one and not a device server in raw mode, the units \
+         of the drives, and whether it serves another client only"
+    )]
+    ServerSilent,
     /// Bytes arrive but never a frame, and fewer bytes than the expected replies have.
     #[error("too few bytes and never a frame: the drives are probably set to a higher speed than the line")]
     DrivesAreFaster,
@@ -66,6 +72,7 @@ impl Suspicion {
     pub const fn word(self) -> &'static str {
         match self {
             Self::NothingHeard => "nothing_heard",
+            Self::ServerSilent => "server_silent",
             Self::DrivesAreFaster => "drives_are_faster",
             Self::DrivesAreSlower => "drives_are_slower",
             Self::AlwaysDamaged => "always_damaged",

@@ -11,8 +11,12 @@ use crate::profile::model::Broadcast;
 use crate::wire::pdu::{Request, function};
 
 /// The broadcast station that stops all drives of a line: it must be documented for their model, which must be the same
-/// for all, and each must have a control section. `None` otherwise, or if there is only one drive.
+/// for all, and each must have a control section. `None` otherwise, or if there is only one drive, or a connection that
+/// carries no broadcasts.
 pub(super) fn station_for_all(setup: &LineSetup) -> Option<u8> {
+    if setup.timing.may_have_converter() {
+        return None;
+    }
     let (first, others) = setup.drives.split_first()?;
     let Broadcast { station, functions } = first.model.link.broadcast.as_ref()?;
     let is_sure = station.confidence.is_proven() && functions.contains(&function::WRITE_SINGLE);

@@ -153,9 +153,9 @@ impl LineCore {
             open_error: None,
             state: LineState::Down,
             is_open: false,
-            wire: Wire::new(setup.timing, now),
+            wire: setup.wire(now),
             nonces: Nonces::new(setup.first_epoch),
-            echo: EchoWatch::default(),
+            echo: EchoWatch::new(!setup.timing.framing.identifies_replies()),
             health: Health::new(setup.timing.framing, setup.drives.iter().map(|drive| drive.station)),
             schedule: Schedule::default(),
             natives: Natives::default(),
@@ -361,6 +361,10 @@ impl LineCore {
     }
 
     fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {
+        // The connection is given up; its last bytes are read before it is closed.
+        if !self.is_open {
+            return;
+        }
         let ended = self.wire.receive(now, bytes);
         // More bytes may change whether the wait can be cut short for a stop.
         self.flight.iter_mut().for_each(|flight| flight.is_overdue = false);
@@ -368,6 +372,10 @@ impl LineCore {
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.health.is_mute = false;
         self.conclude(now, done);
+        if self.wire.is_out_of_step() {
+            self.on_port_down(now, LineFault::OutOfStep);
+            self.effects.push_back(Effect::Reopen(LineFault::OutOfStep));
+        }
     }
 
     pub(super) fn answer(&mut self, answer: NativeAnswer) {

@@ -49,11 +49,12 @@ impl DriveOnLine {
         let drives = u32::try_from(line.drives.len()).unwrap_or(u32::MAX);
         let place = usize::from(index);
         let pace = Pace::new(setup.poll, budget.stretch);
+        let is_identified = line.timing.framing.identifies_replies();
         let work = DriveWork::new(DriveIndex(index), &setup.model, setup.control.clone(), line.first_epoch, now);
         Self {
             index: DriveIndex(index),
-            station: StationState::new(&setup.model),
-            barriers: Barriers::new(&setup.model),
+            station: StationState::new(&setup.model).identified(is_identified),
+            barriers: if is_identified { Barriers::none() } else { Barriers::new(&setup.model) },
             plan: PollPlan::new(&setup.model, pace, now, PlaceOnLine { index: u32::from(index), drives }),
             snapshot: DriveSnapshot::default(),
             work: work.watched(line.watchdog_range(place)).polled(pace),
@@ -140,8 +141,12 @@ impl DriveOnLine {
     }
 
     /// Maximum wait for the start of its reply to `request`, and the extra time of its longer characters. After a silence
-    /// the full wait applies: a drive that has become slower is not given up for that.
+    /// the full wait applies: a drive that has become slower is not given up for that. It always applies where a device
+    /// between may go on waiting for the drive, while the next request waits there.
     pub(super) fn wait_for(&self, request: &Request, line: &Timing) -> Duration {
+        if line.may_have_converter() {
+            return self.full_wait(request, line);
+        }
         let Self { setup, station, .. } = self;
         let class = Class::of(request, &setup.model);
         let timing = &setup.model.timing;

@@ -16,8 +16,8 @@ use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
 use crate::line::station::{Missing, Stray, answers};
 use crate::profile::model::{ExceptionKind, Model, RefusedWrite};
-use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
+use crate::wire::{exception, framing};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -30,6 +30,7 @@ impl LineCore {
         let drive = &self.drives[flight.drive];
         let until = drive.may_come_until(now, flight.request_end, &exchange.request, &self.timing);
         let is_jammed = self.health.is_jammed();
+        let is_unreachable = self.is_unreachable(flight.drive, &ending);
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
         let (ending, kind) = self.judged(&flight, is_spoilt, ending);
         let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
@@ -47,6 +48,7 @@ impl LineCore {
             Some(_) if kind == Some(ExceptionKind::DamagedFrame) => Some(Fault::DamagedRequest),
             Some(Fault::Silent) if now <= self.drives[drive].station.rests_until() => Some(Fault::Deaf),
             Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
+            Some(Fault::Silent) if is_unreachable => Some(Fault::Unreachable),
             fault => fault,
         };
         let missing = || Missing { request: exchange.request.clone(), sent_at: request_end, until };
@@ -79,7 +81,7 @@ impl LineCore {
             drive,
             fault,
             counts: matches!(fault, None | Some(Fault::Garbled | Fault::DamagedRequest))
-                || (fault == Some(Fault::Silent) && !was_silent),
+                || (matches!(fault, Some(Fault::Silent | Fault::Unreachable)) && !was_silent),
             reply_bytes: self.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
         };
         // What a process finds after it was suspended had arrived in time.
@@ -95,7 +97,7 @@ impl LineCore {
     /// and confirmed by a read-back.
     fn judged(&self, flight: &Flight, is_spoilt: bool, ending: Ending) -> (Ending, Option<ExceptionKind>) {
         let ending = match ending {
-            _ if self.health.is_jammed() => Ending::Silent,
+            _ if self.health.is_jammed() || self.is_unreachable(flight.drive, &ending) => Ending::Silent,
             _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
             ending => ending,
         };
@@ -128,6 +130,16 @@ impl LineCore {
             Purpose::Read(_) => drive.take_read(now, read_at, (*address, words), &mut self.effects),
             Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => {}
         }
+    }
+
+    /// Whether `ending` is the answer of a converter whose drive is not reached, or has not answered: the drive itself
+    /// was silent. A model may name these codes for a reason of the drive's own.
+    fn is_unreachable(&self, drive: DriveIndex, ending: &Ending) -> bool {
+        let Ending::Exception(code @ (exception::GATEWAY_PATH_UNAVAILABLE | exception::GATEWAY_TARGET_FAILED)) = ending
+        else {
+            return false;
+        };
+        self.timing.may_have_converter() && self.drives[drive].setup.model.exception_text(*code).is_none()
     }
 
     /// Tells those who wait for the exchange how it ended.

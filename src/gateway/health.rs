@@ -75,7 +75,7 @@ impl Health {
         Self {
             trouble: None,
             quality: LineQuality::new(drives),
-            diagnosis: Diagnosis::new(stations.clone()),
+            diagnosis: Diagnosis::new(framing, stations.clone()),
             damage: DamageWatch::new(framing, stations),
             is_mute: false,
             reopen_at: MonoTime::ZERO,

@@ -4,11 +4,14 @@ use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::EchoPolicy;
 use crate::domain::report::StopBounds;
+use crate::domain::time::MonoTime;
 use crate::drive::watchdog::WatchdogRange;
 use crate::journal::Remembered;
+use crate::line::barriers::Nonces;
 use crate::line::budget::{self, Budget, PlannedStation};
 use crate::line::timeouts::{ReplyTimeouts, longer_reply};
 use crate::line::timing::Timing;
+use crate::line::transaction::Wire;
 use crate::profile::model::Model;
 use crate::wire::pdu::Request;
 use std::sync::Arc;
@@ -55,6 +58,14 @@ impl LineSetup {
             more_than: gap().unwrap_or_default() * 2,
             at_most: control.watchdog_at_most(),
         })
+    }
+
+    /// The wire of the line, on which nothing has been received up to `now`. Numbers of requests begin anew with each
+    /// start of the gateway, in a different place.
+    pub(super) fn wire(&self, now: MonoTime) -> Wire {
+        let mut wire = Wire::new(self.timing, now);
+        wire.number_from(Nonces::new(self.first_epoch).peek());
+        wire
     }
 
     /// The cost of the line's polls.

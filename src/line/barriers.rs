@@ -69,6 +69,12 @@ impl Barriers {
         Self { known: known.collect(), online_since: None }
     }
 
+    /// None: where replies say to which request they belong, nothing has to be ruled out.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self { known: Vec::new(), online_since: None }
+    }
+
     /// The port was opened: earlier tests do not count, because another drive may be there now.
     pub fn port_opened(&mut self) {
         self.online_since = None;

@@ -164,7 +164,8 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
     let pauses = stations.iter().map(|it| pause_after(it.model, Class::Write));
     let left_alone = pauses.fold(BROADCAST_TURNAROUND, Duration::max);
     let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, left_alone, 0);
-    let least = if may_stop_at_once(&stations) { after_broadcast } else { Duration::ZERO };
+    let least =
+        if !timing.may_have_converter() && may_stop_at_once(&stations) { after_broadcast } else { Duration::ZERO };
     let mut bounds = StopBounds { all_healthy: least, one_silent: least, each_further: Duration::ZERO };
     for station in &stations {
         for (class, request, reply) in exchanges(station.model) {
@@ -191,9 +192,12 @@ pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = Plann
 
 /// By how much the confirmation of a stop is delayed if a reply of `station` is missing or damaged: the reads of its
 /// effect wait until no late reply can be mistaken for theirs. That takes one exchange with a barrier, or else the
-/// maximum lateness.
+/// maximum lateness; nothing where replies carry the number of their request.
 #[must_use]
 pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Duration {
+    if timing.framing.identifies_replies() {
+        return Duration::ZERO;
+    }
     // Other barriers have to be tested first, and on some lines they prove nothing.
     let settles = |barrier: &Barrier| match barrier {
         Barrier::Read(read) => Some(read.count),
@@ -220,7 +224,8 @@ fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
 #[must_use]
 pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>, stop: &StopBounds) -> Duration {
     let wait = station.timeouts.read;
-    let is_waited_out = if station.model.barriers.is_empty() { station.max_lateness } else { Duration::ZERO };
+    let has_to_wait = station.model.barriers.is_empty() && !timing.framing.identifies_replies();
+    let is_waited_out = if has_to_wait { station.max_lateness } else { Duration::ZERO };
     let retry = read_time(timing, station.model.read.longest(), wait);
     age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent + station.model.longest_deafness()
 }
@@ -281,6 +286,7 @@ fn reply_bytes(count: u16) -> usize {
 mod tests {
     use super::super::timing::testing::{ASCII, N700};
     use super::*;
+    use crate::domain::link::Framing;
     use crate::profile::model::{BarrierRead, Confidence, Fact};
     use crate::vendors;
 
@@ -288,9 +294,17 @@ mod tests {
         Fact { value, confidence: Confidence::Manual, source: String::new() }
     }
 
+    const fn ms(millis: u64) -> Duration {
+        Duration::from_millis(millis)
+    }
+
+    fn n700() -> Model {
+        Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
+    }
+
     /// A model with one register that is polled fast.
     fn model(change: impl FnOnce(&mut Model)) -> Model {
-        let mut model = Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"));
+        let mut model = n700();
         let first = model.registers.iter().position(|register| register.poll == Some(PollClass::Fast)).unwrap();
         model.registers = vec![model.registers.swap_remove(first)];
         model.link.broadcast = None;
@@ -360,6 +374,17 @@ mod tests {
 
     fn assert_near(got: Duration, expected: Duration) {
         assert!(got.abs_diff(expected) < Duration::from_micros(2), "{got:?}, not {expected:?}");
+    }
+
+    #[test]
+    fn over_modbus_tcp_only_the_drives_themselves_take_time() {
+        let timing = Timing::for_models(Framing::Mbap, N700.link, [], Duration::ZERO);
+        let broadcasts = |model: &mut Model| model.link.broadcast = n700().link.broadcast.clone();
+        let model = model(broadcasts);
+        assert!(may_stop_at_once(&[station(&model); 2]), "as on a serial line");
+        let bounds = stop_bounds(&timing, [station(&model); 2]);
+        assert_eq!((bounds.all_healthy, bounds.one_silent, bounds.each_further), (ms(10), ms(100), ms(10)));
+        assert_eq!(missing_reply_costs(&timing, &station(&model)), Duration::ZERO);
     }
 
     #[test]

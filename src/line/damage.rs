@@ -9,11 +9,13 @@ use crate::domain::link::Framing;
 use crate::domain::traffic::TrafficKind;
 use crate::wire::framing;
 
-/// Length of station and function at the beginning of a frame: two bytes in RTU, ':' and four digits in ASCII.
+/// Length of a frame's beginning up to the function: two bytes in RTU, ':' and four digits in ASCII, a header and one
+/// byte in Modbus TCP.
 const fn head_bytes(framing: Framing) -> usize {
     match framing {
         Framing::Rtu => 2,
         Framing::Ascii => 5,
+        Framing::Mbap => 8,
     }
 }
 

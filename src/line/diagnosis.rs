@@ -3,6 +3,7 @@
 use super::fault::Fault;
 use super::station::Stray;
 use crate::domain::ids::Station;
+use crate::domain::link::Framing;
 use crate::domain::suspicion::Suspicion;
 use crate::domain::traffic::TrafficKind;
 
@@ -27,6 +28,8 @@ struct StationHistory {
 /// The evidence of one line.
 #[derive(Debug)]
 pub struct Diagnosis {
+    /// What is suspected if nothing is ever received.
+    silence: Suspicion,
     stations: Vec<StationHistory>,
     /// Exchanges since the counts last restarted.
     exchanges: u32,
@@ -47,10 +50,16 @@ pub struct Diagnosis {
 
 impl Diagnosis {
     /// A line with these stations from which nothing has been received.
-    pub fn new(stations: impl Iterator<Item = Station>) -> Self {
+    pub fn new(framing: Framing, stations: impl Iterator<Item = Station>) -> Self {
+        let silence = if framing.has_characters() { Suspicion::NothingHeard } else { Suspicion::ServerSilent };
+        Self::of(silence, stations)
+    }
+
+    fn of(silence: Suspicion, stations: impl Iterator<Item = Station>) -> Self {
         let seen =
             |station| StationHistory { station, was_heard: false, silences: 0, second_replies: 0, beyond_limit: 0 };
         Self {
+            silence,
             stations: stations.map(seen).collect(),
             exchanges: 0,
             silences: 0,
@@ -68,7 +77,8 @@ impl Diagnosis {
 
     /// The port was opened: all evidence is discarded.
     pub fn port_opened(&mut self) {
-        *self = Self::new(std::mem::take(&mut self.stations).into_iter().map(|seen| seen.station));
+        let stations = std::mem::take(&mut self.stations);
+        *self = Self::of(self.silence, stations.into_iter().map(|seen| seen.station));
     }
 
     /// A request is sent to the station at `place`.
@@ -103,7 +113,7 @@ impl Diagnosis {
     pub fn ended(&mut self, fault: Option<Fault>, reply_bytes: usize) {
         self.exchanges += 1;
         let is_answer = fault.is_none();
-        let is_silent = fault == Some(Fault::Silent);
+        let is_silent = matches!(fault, Some(Fault::Silent | Fault::Unreachable));
         if let Some(seen) = self.stations.get_mut(self.asked) {
             seen.was_heard |= is_answer;
             seen.silences = if is_silent { seen.silences.saturating_add(1) } else { 0 };
@@ -126,7 +136,7 @@ impl Diagnosis {
         }
         let is_settled = match self.found {
             Some(Suspicion::OneSilent(station)) => self.stations.iter().any(|it| it.station == station && it.was_heard),
-            Some(Suspicion::NothingHeard) => self.was_anything_heard,
+            Some(Suspicion::NothingHeard | Suspicion::ServerSilent) => self.was_anything_heard,
             Some(Suspicion::DuplicateStation(_) | Suspicion::LateBeyondLimit(_) | Suspicion::OtherMaster) => false,
             _ => self.was_frame_heard,
         };
@@ -152,7 +162,7 @@ impl Diagnosis {
             return Some(Suspicion::LateBeyondLimit(late.station));
         }
         if !self.was_anything_heard {
-            return (self.silences >= SILENCES).then_some(Suspicion::NothingHeard);
+            return (self.silences >= SILENCES).then_some(self.silence);
         }
         if !self.was_frame_heard {
             let damaged = self.right_length + self.too_few + self.too_many;
@@ -199,7 +209,7 @@ mod tests {
     }
 
     fn line() -> Diagnosis {
-        Diagnosis::new([Station(1), Station(2)].into_iter())
+        Diagnosis::new(Framing::Rtu, [Station(1), Station(2)].into_iter())
     }
 
     #[test]

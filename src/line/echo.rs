@@ -23,6 +23,8 @@ pub enum LocalEcho {
 /// Watches for an echo of each frame. Replies to reads differ from their requests, so reads are conclusive.
 #[derive(Debug, Default)]
 pub struct EchoWatch {
+    /// There is nothing on the line that could echo.
+    is_impossible: bool,
     known: LocalEcho,
     /// The last frame sent.
     sent: Vec<u8>,
@@ -39,26 +41,33 @@ pub struct EchoWatch {
 }
 
 impl EchoWatch {
+    /// A watch on a line where an echo is possible, or not.
+    #[must_use]
+    pub fn new(is_possible: bool) -> Self {
+        Self { is_impossible: !is_possible, ..Self::default() }
+    }
+
     /// What is known.
     #[must_use]
     pub const fn known(&self) -> LocalEcho {
-        self.known
+        if self.is_impossible { LocalEcho::Excluded } else { self.known }
     }
 
     /// Whether an answer that repeats its request proves that the drive has sent it.
     #[must_use]
     pub const fn proves_echoes(&self) -> bool {
-        matches!(self.known, LocalEcho::Excluded | LocalEcho::Found)
+        matches!(self.known(), LocalEcho::Excluded | LocalEcho::Found)
     }
 
     /// The port was opened: there may be another adapter now.
     pub fn port_opened(&mut self) {
-        *self = Self::default();
+        *self = Self::new(!self.is_impossible);
     }
 
     /// `frame` is sent; `differs`: its valid reply does not repeat it.
     pub fn sent(&mut self, frame: &[u8], differs: bool) {
-        *self = Self { known: self.known, clean_reads: self.clean_reads, differs, ..Self::default() };
+        let Self { is_impossible, known, clean_reads, .. } = *self;
+        *self = Self { is_impossible, known, clean_reads, differs, ..Self::default() };
         self.sent.extend_from_slice(frame);
     }
 
@@ -94,7 +103,7 @@ impl EchoWatch {
     /// Whether the line echoes, and the last frame did not come back as it was sent.
     #[must_use]
     pub fn misses_echo(&self) -> bool {
-        self.known == LocalEcho::Found && !self.came_back
+        self.known() == LocalEcho::Found && !self.came_back
     }
 
     /// The exchange is over.
@@ -120,6 +129,19 @@ impl EchoWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_nothing_can_echo_no_copy_is_an_echo() {
+        let mut watch = EchoWatch::new(false);
+        for kind in [TrafficKind::Echo, TrafficKind::Stray(crate::domain::ids::Station(1))] {
+            watch.port_opened();
+            watch.sent(b"frame", false);
+            watch.ended();
+            watch.heard(kind, b"frame");
+            assert_eq!((watch.known(), watch.misses_echo()), (LocalEcho::Excluded, false));
+            assert!(watch.proves_echoes());
+        }
+    }
     use crate::domain::ids::Station;
     use TrafficKind::{Echo, Noise, Reply, Stray};
 

@@ -12,6 +12,8 @@ pub enum Fault {
     Ignored,
     /// No frame arrived from the station, which is known to be deaf.
     Deaf,
+    /// The device before the station answered that the station cannot be reached, or has not answered.
+    Unreachable,
     /// The station answered something else, or too late.
     Stray,
     /// A station that was not addressed answered.
@@ -30,6 +32,8 @@ pub enum Fault {
     Jammed,
     /// Requests are sent, but nothing has been received from any drive for long.
     Mute,
+    /// What is received is no stream of frames: no later byte can be trusted to begin one.
+    OutOfStep,
     /// The port is gone.
     PortGone,
 }
@@ -67,12 +71,16 @@ pub const fn consequence(fault: Fault) -> Consequence {
         Fault::Silent => Consequence { ends_exchange: true, reply_may_come_late: true, backs_off: true, ..none },
         Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
         Fault::Deaf => Consequence { ends_exchange: true, ..none },
+        // The drive is as silent as before; whether it obeyed is not known.
+        Fault::Unreachable => Consequence { ends_exchange: true, backs_off: true, ..none },
         Fault::Stray => Consequence { drive_is_there: true, ..none },
         // Another master's requests say nothing about the drives that they address.
         Fault::Foreign | Fault::Echoed | Fault::OtherMaster | Fault::Jammed => none,
         Fault::Mute => Consequence { reopens_port: true, ..none },
         Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
         Fault::DamagedRequest => Consequence { ends_exchange: true, repeats_read: true, drive_is_there: true, ..none },
+        // No reply follows on a connection that is given up.
+        Fault::OutOfStep => Consequence { ends_exchange: true, reopens_port: true, ..none },
         Fault::PortGone => Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none },
     }
 }
@@ -82,11 +90,12 @@ mod tests {
     use super::*;
 
     /// ends, repeats a read, late reply possible, backs off, drive is there, reopens
-    const TABLE: [(Fault, [bool; 6]); 14] = [
+    const TABLE: [(Fault, [bool; 6]); 16] = [
         (Fault::Garbled, [true, true, true, false, false, false]),
         (Fault::Silent, [true, false, true, true, false, false]),
         (Fault::Ignored, [true, false, true, false, false, false]),
         (Fault::Deaf, [true, false, false, false, false, false]),
+        (Fault::Unreachable, [true, false, false, true, false, false]),
         (Fault::Stray, [false, false, false, false, true, false]),
         (Fault::Foreign, [false, false, false, false, false, false]),
         (Fault::Refused, [true, false, false, false, true, false]),
@@ -96,6 +105,7 @@ mod tests {
         (Fault::OtherMaster, [false, false, false, false, false, false]),
         (Fault::Jammed, [false, false, false, false, false, false]),
         (Fault::Mute, [false, false, false, false, false, true]),
+        (Fault::OutOfStep, [true, false, false, false, false, true]),
         (Fault::PortGone, [true, false, true, false, false, true]),
     ];
 

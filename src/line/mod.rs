@@ -36,3 +36,5 @@ pub mod timing;
 pub mod transaction;
 #[cfg(test)]
 mod transaction_ascii_tests;
+#[cfg(test)]
+mod transaction_mbap_tests;

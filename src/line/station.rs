@@ -53,6 +53,8 @@ pub enum Stray {
 pub struct StationState {
     /// How it answers a refused write.
     refused: RefusedWrite,
+    /// Each of its replies says to which request it belongs: none is ever in doubt.
+    is_identified: bool,
     /// How long it is deaf after it is switched on.
     deaf_after_power_up: Duration,
     missing: Vec<Missing>,
@@ -87,6 +89,7 @@ impl StationState {
         let deaf = model.quirks.deaf_after_power_up.as_ref();
         Self {
             refused: model.write.refused.value,
+            is_identified: false,
             deaf_after_power_up: deaf.map_or(Duration::ZERO, |fact| fact.value),
             missing: Vec::new(),
             expired: Vec::new(),
@@ -104,7 +107,13 @@ impl StationState {
         }
     }
 
-    /// Whether a late reply may still arrive at `now`.
+    /// The same station where replies may carry the number of their request. If they do, no late reply makes it dirty.
+    #[must_use]
+    pub fn identified(self, is_identified: bool) -> Self {
+        Self { is_identified, ..self }
+    }
+
+    /// Whether a late reply may still be mistaken for another at `now`.
     #[must_use]
     pub fn is_dirty(&self, now: MonoTime) -> bool {
         now < self.clean_at()
@@ -113,6 +122,9 @@ impl StationState {
     /// From when on no late reply can arrive, if no further reply goes missing. A moment in the past means now.
     #[must_use]
     pub fn clean_at(&self) -> MonoTime {
+        if self.is_identified {
+            return MonoTime::ZERO;
+        }
         let known = self.missing.iter().map(|missing| missing.until).max();
         known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until).max(self.quiet.until())
     }
@@ -120,6 +132,9 @@ impl StationState {
     /// When a late answer can no longer be mistaken for the answer to `request`. A moment in the past means now.
     #[must_use]
     pub fn unmistakable_at(&self, request: &Request) -> MonoTime {
+        if self.is_identified {
+            return MonoTime::ZERO;
+        }
         if self.missing.len() >= MISSING_MAX {
             let oldest = self.missing.iter().map(|missing| missing.until).min();
             return oldest.unwrap_or(MonoTime::ZERO).max(self.quiet.until());
@@ -136,6 +151,9 @@ impl StationState {
     /// Whether an exception, or a write's reply with another value, could be a late one of `function`.
     #[must_use]
     pub fn misses_function(&self, function: u8, now: MonoTime) -> bool {
+        if self.is_identified {
+            return false;
+        }
         let misses = |missing: &Missing| now < missing.until && missing.request.function() == function;
         now < self.asked_before_until.max(self.quiet.until()) || self.missing.iter().any(misses)
     }
@@ -203,6 +221,9 @@ impl StationState {
     /// A request has remained unanswered at `now`.
     pub fn reply_missing(&mut self, missing: Missing, now: MonoTime) {
         self.expire(now);
+        if self.is_identified && self.missing.len() >= MISSING_MAX {
+            self.missing.remove(0);
+        }
         self.missing.push(missing);
     }
 
@@ -228,6 +249,9 @@ impl StationState {
     /// maximum lateness.
     pub fn stray(&mut self, pdu: &[u8], now: MonoTime, declared: Duration) -> Stray {
         self.expire(now);
+        if self.is_identified {
+            return Stray::Explained;
+        }
         if now < self.asked_before_until || self.missing.iter().any(|missing| answers(&missing.request, pdu)) {
             self.heard(now);
             return Stray::Explained;
@@ -301,7 +325,7 @@ impl StationState {
         self.expired.clear();
         let (looks, until_anew) = self.looks;
         self.looks = if until_anew == 0 { LOOKS } else { (looks, until_anew - 1) };
-        if was_noisy && self.looks.0 > 0 {
+        if was_noisy && self.looks.0 > 0 && !self.is_identified {
             self.looks.0 -= 1;
             self.quiet.look(now);
         }
@@ -430,6 +454,21 @@ mod tests {
         assert!(!waits_for(coil(1, 1), write(1, 1)), "another function");
         let word = |value| Request::WriteMultiple { address: 2_u16.into(), values: vec![value] };
         assert!(waits_for(word(1), word(0)), "the reply to 10 hex carries no value");
+    }
+
+    #[test]
+    fn where_replies_are_numbered_none_makes_a_station_dirty() {
+        let mut station = station().identified(true);
+        let at = MonoTime::from_millis;
+        station.asked_before(at(60_000));
+        for count in 1..=100 {
+            miss(&mut station, read(1, count), at(1_000), LATENESS);
+            assert_eq!(station.stray(&[3, 2, 0, 7], at(1_100), LATENESS), Stray::Explained);
+        }
+        station.exchange_ended(&read(1, 1), true, at(1_200));
+        assert_eq!((station.clean_at(), station.unmistakable_at(&read(1, 1))), (MonoTime::ZERO, MonoTime::ZERO));
+        assert!(!station.misses_function(3, at(1_200)) && !station.is_doubtful());
+        assert_eq!(station.missing.len(), MISSING_MAX);
     }
 
     #[test]

@@ -30,8 +30,8 @@ pub struct Timing {
     pub link: LinkSettings,
     /// Silence before each of our frames.
     pub silence: Duration,
-    /// Whether characters take time at all: false only for a pseudo-terminal or a network port with a silence of its
-    /// own.
+    /// Whether characters take time at all: false for Modbus TCP, and for a pseudo-terminal or a network port with a
+    /// silence of its own.
     pub paced: bool,
 }
 
@@ -47,16 +47,22 @@ impl Timing {
         let least = match framing {
             Framing::Ascii => ASCII_SILENCE,
             Framing::Rtu if link.baud > FIXED_SILENCE_ABOVE_BAUD => FIXED_SILENCE,
-            Framing::Rtu => Duration::ZERO,
+            Framing::Rtu | Framing::Mbap => Duration::ZERO,
         };
         let needed = models.into_iter().map(|model| silence_for(model, framing, link)).max().unwrap_or_default();
-        Self { framing, link, silence: needed.max(least).max(min_request_gap), paced: true }
+        Self { framing, link, silence: needed.max(least).max(min_request_gap), paced: framing.has_characters() }
     }
 
     /// The same line without character times and with a silence of its own, for a pseudo-terminal or a network port.
     #[must_use]
     pub const fn unpaced(self, silence: Duration) -> Self {
         Self { silence, paced: false, ..self }
+    }
+
+    /// Whether a device may stand between that asks the drives by itself, one after the other.
+    #[must_use]
+    pub const fn may_have_converter(&self) -> bool {
+        matches!(self.framing, Framing::Mbap)
     }
 
     /// Time that `bytes` bytes take on the wire.
@@ -71,22 +77,23 @@ impl Timing {
         framing::adu_bytes(self.framing, pdu_bytes)
     }
 
-    /// Pause between two characters after which an incomplete frame is discarded.
+    /// Pause between two characters after which an incomplete frame is discarded; `None` where its rest always follows.
     #[must_use]
-    pub const fn longest_hole(&self) -> Duration {
+    pub const fn longest_hole(&self) -> Option<Duration> {
         match self.framing {
-            Framing::Rtu => self.silence,
-            Framing::Ascii => ASCII_HOLE,
+            Framing::Rtu => Some(self.silence),
+            Framing::Ascii => Some(ASCII_HOLE),
+            Framing::Mbap => None,
         }
     }
 }
 
-/// Silence that `model` needs before a frame. The gap in characters applies to RTU only; ASCII frames have an end mark.
+/// Silence that `model` needs before a frame. The gap in characters applies to RTU only: it is what separates frames.
 fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
     let pause = model.quirks.pause_before_request.as_ref().map_or(Duration::ZERO, |pause| pause.value);
     match framing {
         Framing::Rtu => link.chars(model.timing.gap_chars.value.max(LEAST_GAP_CHARS)).max(pause),
-        Framing::Ascii => pause,
+        Framing::Ascii | Framing::Mbap => pause,
     }
 }
 
@@ -160,13 +167,27 @@ mod tests {
     }
 
     #[test]
+    fn over_modbus_tcp_characters_take_no_time_and_only_a_pause_of_the_drive_counts() {
+        let timing = |pause, gap| {
+            let model = model(4.5, pause);
+            Timing::for_models(Framing::Mbap, LinkSettings::DEFAULT, [&model], gap)
+        };
+        let plain = timing(None, Duration::ZERO);
+        assert_eq!((plain.silence, plain.on_wire(260), plain.longest_hole()), (Duration::ZERO, Duration::ZERO, None));
+        assert_eq!(plain.adu_bytes(5), 12);
+        let ms = Duration::from_millis;
+        assert_eq!((timing(Some(ms(20)), ms(5)).silence, timing(None, ms(5)).silence), (ms(20), ms(5)));
+    }
+
+    #[test]
     fn frames_take_the_bytes_and_bits_of_their_framing() {
         // 10 bits a character: 7 data bits with parity cost as much as 8 without.
         assert_eq!(N700.adu_bytes(5), 8);
         assert_eq!(ASCII.adu_bytes(5), 17);
         assert_eq!(N700.on_wire(8), Duration::from_nanos(8_333_334));
         assert_eq!(ASCII.on_wire(17), Duration::from_nanos(17_708_334));
-        assert_eq!((N700.longest_hole(), ASCII.longest_hole()), (N700.silence, Duration::from_secs(1)));
+        let holes = (N700.longest_hole(), ASCII.longest_hole());
+        assert_eq!(holes, (Some(N700.silence), Some(Duration::from_secs(1))));
         assert_eq!(ASCII.unpaced(Duration::ZERO).on_wire(17), Duration::ZERO);
     }
 }

@@ -1,11 +1,13 @@
 //! One exchange after the other on a half-duplex wire: wait for silence, send, wait for the valid reply.
 
+mod frames;
 mod hole;
+mod ids;
 #[cfg(test)]
 mod tests;
 
 use super::arrivals::Arrivals;
-use super::exchange::{Ending, Exchange, Heard, answer_in};
+use super::exchange::{Ending, Exchange, Heard};
 use super::occupancy::Occupancy;
 use super::own_echo::OwnEcho;
 use super::timing::Timing;
@@ -16,6 +18,7 @@ use crate::domain::traffic::TrafficKind;
 use crate::wire::frame::Expected;
 use crate::wire::framing::{self, Assembler};
 use crate::wire::pdu::{self, Request};
+use ids::TransactionIds;
 use std::time::Duration;
 
 /// The exchange that is on the wire.
@@ -23,6 +26,8 @@ use std::time::Duration;
 struct Open {
     exchange: Exchange,
     expected: Expected,
+    /// The number that its reply must carry, where frames have one.
+    transaction: Option<u16>,
     /// The computed end of our own transmission, where characters take their time.
     sent_until: MonoTime,
     reply_due: MonoTime,
@@ -53,6 +58,9 @@ pub struct Wire {
     strips_echo: bool,
     own_echo: OwnEcho,
     arrivals: Arrivals,
+    transactions: TransactionIds,
+    /// What was received is no stream of frames: nothing that follows can be understood.
+    is_out_of_step: bool,
     open: Option<Open>,
     heard: Vec<Heard>,
 }
@@ -72,9 +80,22 @@ impl Wire {
             strips_echo: false,
             own_echo: OwnEcho::default(),
             arrivals: Arrivals::default(),
+            transactions: TransactionIds::default(),
+            is_out_of_step: false,
             open: None,
             heard: Vec::new(),
         }
+    }
+
+    /// Where requests are numbered, the next one gets the number `first`.
+    pub const fn number_from(&mut self, first: u16) {
+        self.transactions.begin_with(first);
+    }
+
+    /// Whether something was received that is no stream of frames: only a new connection helps.
+    #[must_use]
+    pub const fn is_out_of_step(&self) -> bool {
+        self.is_out_of_step
     }
 
     /// Whether an exchange is open.
@@ -125,6 +146,9 @@ impl Wire {
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
         framing::encode(self.timing.framing, out, exchange.station.0, |pdu| exchange.request.encode(pdu));
+        let framing = self.timing.framing;
+        let transaction = framing.identifies_replies().then(|| self.transactions.take());
+        transaction.into_iter().for_each(|id| framing::set_transaction(framing, &mut out[start..], id));
         let sent_bytes = out.len() - start;
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
         let expected =
@@ -138,11 +162,14 @@ impl Wire {
         // The drive's clock may be some per cent fast.
         let on_wire = self.timing.on_wire(sent_bytes) + self.timing.on_wire(reply_bytes);
         let earliest = if self.is_timed { now + on_wire * 9 / 10 } else { now };
-        let is_sure = self.strips_echo || !exchange.request.is_repeated_by_its_reply();
+        let may_echo = !framing.identifies_replies();
+        let is_sure = may_echo && (self.strips_echo || !exchange.request.is_repeated_by_its_reply());
         self.own_echo.await_copy_of(&out[start..], is_sure, earliest);
         let sent_until = if self.is_timed { self.quiet_from } else { now };
+        let exception = None;
+        let was_damaged = false;
         self.open =
-            Some(Open { exchange, expected, sent_until, reply_due, give_up, exception: None, was_damaged: false });
+            Some(Open { exchange, expected, transaction, sent_until, reply_due, give_up, exception, was_damaged });
     }
 
     /// Hands a frame for the broadcast address `station` to the port at `now`: puts it into the empty `out`. No reply
@@ -237,7 +264,9 @@ impl Wire {
 
     /// Ends the open exchange without an answer because the port is gone, and discards received data.
     pub fn abandon(&mut self, now: MonoTime) -> Option<Exchange> {
-        self.assembler.end();
+        self.assembler.clear();
+        self.is_out_of_step = false;
+        self.transactions.connection_is_over();
         self.arrivals.clear();
         self.quiet_from = now;
         self.open.take().map(|open| open.exchange)
@@ -248,7 +277,7 @@ impl Wire {
     pub fn wake_at(&self) -> Option<MonoTime> {
         let has_bytes = !self.assembler.is_empty();
         match &self.open {
-            None => has_bytes.then(|| self.frame_end_at()),
+            None => self.frame_end_at().filter(|_| has_bytes),
             Some(open) if open.exception.is_some() => Some(self.pause_at()),
             Some(open) => match has_bytes.then(|| self.pause_at()) {
                 // After the due time a reply may still be arriving: check again when the bytes pause.
@@ -275,32 +304,9 @@ impl Wire {
         self.last_byte_at + self.timing.silence
     }
 
-    /// When an incomplete frame can no longer continue.
-    fn frame_end_at(&self) -> MonoTime {
-        self.last_byte_at + self.timing.longest_hole()
-    }
-
-    /// Removes the frames from the received data. `is_over`: silence has followed. Returns how the open exchange ended,
-    /// if it did.
-    fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
-        let mut ended = None;
-        while let Some(found) = self.assembler.take_certain(self.open.as_ref().map(|open| &open.expected), is_over) {
-            self.note(TrafficKind::Noise, found.noise);
-            let (kind, ending) = self.judge(&found.adu);
-            self.note(kind, found.adu);
-            if let Some(Ending::Exception(code)) = ending
-                && !self.assembler.sees_ends()
-                && !is_over
-            {
-                self.open.iter_mut().for_each(|open| open.exception = Some(code));
-            } else if let Some(ending) = ending
-                && let Some(open) = self.open.take()
-            {
-                self.own_echo.is_over();
-                ended = Some((open.exchange, ending));
-            }
-        }
-        ended
+    /// When an incomplete frame can no longer continue, if ever.
+    fn frame_end_at(&self) -> Option<MonoTime> {
+        self.timing.longest_hole().map(|hole| self.last_byte_at + hole)
     }
 
     fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
@@ -309,28 +315,6 @@ impl Wire {
         let rest = self.assembler.end();
         self.note(TrafficKind::Noise, rest);
         Some((open.exchange, ending))
-    }
-
-    /// Classifies a sound frame: our answer, another station's or master's, or one that is late.
-    fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
-        let frame = framing::decode(self.timing.framing, adu);
-        let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
-        if pdu::is_request(&pdu) {
-            return (TrafficKind::OtherMaster(Station(station)), None);
-        }
-        let stray = TrafficKind::Stray(Station(station));
-        let Some(open) = &self.open else { return (stray, None) };
-        if station != open.expected.station {
-            return (TrafficKind::Foreign(Station(station)), None);
-        }
-        if self.last_byte_at < open.sent_until {
-            // No station answers a request before it is complete.
-            return (stray, None);
-        }
-        match answer_in(&open.exchange, &pdu) {
-            Some(ending) => (TrafficKind::Reply, Some(ending)),
-            None => (stray, None),
-        }
     }
 
     /// Removes the echo of our own frame from the received data, with what preceded it.
@@ -350,7 +334,7 @@ impl Wire {
     }
 
     fn flush_if_silent(&mut self, now: MonoTime) {
-        if now >= self.frame_end_at() {
+        if self.frame_end_at().is_some_and(|end| now >= end) {
             self.flush_idle_bytes();
         }
     }

@@ -18,7 +18,7 @@ pub enum Pacing {
     /// Every byte takes its character time, in both directions, and drives need their turnaround.
     #[default]
     CharacterTimes,
-    /// Bytes take no time and a reply is due at once, unless a fault makes it late. For benches.
+    /// Bytes take no time and a reply is due at once, over Modbus TCP after the turnaround, unless a fault makes it late.
     None,
 }
 
@@ -151,6 +151,16 @@ impl SimBus {
             node.busy_until = at;
             node.late_until = at;
             self.transmissions.silence(at, station);
+        }
+    }
+
+    /// The connection to a Modbus TCP server was closed at `at`: nothing more is sent over it.
+    pub fn hang_up(&mut self, at: MonoTime) {
+        self.drop_request();
+        for node in &mut self.nodes {
+            node.busy_until = at;
+            node.late_until = at;
+            self.transmissions.silence(at, node.station);
         }
     }
 
@@ -332,6 +342,8 @@ impl SimBus {
         if !answered {
             return self.transmissions.recycle(frame);
         }
+        let transaction = framing::transaction_of(self.options.framing, request);
+        transaction.into_iter().for_each(|id| framing::set_transaction(self.options.framing, &mut frame, id));
         self.newest_reply.extend_from_slice(&frame);
         let transmissions = &self.transmissions;
         let turnaround = self.options.turnaround;
@@ -351,7 +363,8 @@ impl SimBus {
     /// delivered late.
     fn schedule(&mut self, place: usize, end: MonoTime, fate: Fate, frame: Vec<u8>, hole: usize) {
         let length = self.transmissions.time(frame.len());
-        let right_time = if self.transmissions.is_paced() { end + self.options.turnaround } else { end };
+        let has_turnaround = self.transmissions.is_paced() || !self.options.framing.has_characters();
+        let right_time = if has_turnaround { end + self.options.turnaround } else { end };
         let wanted = match fate {
             Fate::Late => end + self.faults.late_start(length),
             Fate::Beyond => end + self.faults.beyond_start(),

@@ -3,10 +3,11 @@
 use crate::domain::link::{Framing, LinkSettings};
 use crate::profile::model::Model;
 use crate::wire::framing;
-use crate::wire::{crc, pdu::function};
+use crate::wire::{crc, mbap, pdu::function};
 use std::time::Duration;
 
-/// Pause between two characters that ends an ASCII frame (Modbus over serial line V1.02, 2.5.2.1).
+/// Pause between two characters that ends an ASCII frame (Modbus over serial line V1.02, 2.5.2.1), and a message that stays
+/// incomplete.
 const LONGEST_ASCII_HOLE: Duration = Duration::from_secs(1);
 
 /// Bytes of the master that form no complete request yet.
@@ -42,11 +43,12 @@ impl Incoming {
     }
 
     /// Whether the request is complete without any silence: in RTU at its function's length with a valid CRC, in ASCII at
-    /// CR LF.
+    /// CR LF, in Modbus TCP at the length in its header.
     pub fn is_whole(&self) -> bool {
         match self.framing {
             Framing::Ascii => self.bytes.ends_with(b"\r\n"),
             Framing::Rtu => is_whole_rtu(&self.bytes),
+            Framing::Mbap => matches!(mbap::decode(&self.bytes), Ok(Some(_))),
         }
     }
 
@@ -54,7 +56,7 @@ impl Incoming {
     pub const fn longest_hole(&self, silence: Duration) -> Duration {
         match self.framing {
             Framing::Rtu => silence,
-            Framing::Ascii => LONGEST_ASCII_HOLE,
+            Framing::Ascii | Framing::Mbap => LONGEST_ASCII_HOLE,
         }
     }
 
@@ -84,7 +86,7 @@ pub(super) fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
     match framing {
         Framing::Ascii => Duration::from_millis(10),
         Framing::Rtu if link.baud > 19_200 => Duration::from_micros(1_750),
-        Framing::Rtu => Duration::ZERO,
+        Framing::Rtu | Framing::Mbap => Duration::ZERO,
     }
 }
 
@@ -92,7 +94,7 @@ pub(super) fn least_silence(framing: Framing, link: LinkSettings) -> Duration {
 pub(super) fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
     let gap = match framing {
         Framing::Rtu => link.chars(model.timing.gap_chars.value),
-        Framing::Ascii => Duration::ZERO,
+        Framing::Ascii | Framing::Mbap => Duration::ZERO,
     };
     model.quirks.pause_before_request.as_ref().map_or(gap, |pause| gap.max(pause.value))
 }

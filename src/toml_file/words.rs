@@ -9,6 +9,9 @@ pub const PARITIES: [(&str, Parity); 3] = [("none", Parity::None), ("even", Pari
 /// Framings.
 pub const FRAMINGS: [(&str, Framing); 2] = [("rtu", Framing::Rtu), ("ascii", Framing::Ascii)];
 
+/// The same with the framing that follows from a port, which no file names.
+pub const SHOWN_FRAMINGS: [(&str, Framing); 3] = [FRAMINGS[0], FRAMINGS[1], ("modbus-tcp", Framing::Mbap)];
+
 /// What to do about an echo.
 pub const ECHO_POLICIES: [(&str, EchoPolicy); 2] = [("refuse", EchoPolicy::Refuse), ("strip", EchoPolicy::Strip)];
 

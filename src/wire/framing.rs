@@ -1,8 +1,8 @@
-//! A common interface to both framings: frames are built, measured and found the same way on every line.
+//! A common interface to all framings: frames are built, measured and found the same way on every line.
 
 use super::frame::{Expected, FoundFrame};
 use super::pdu::MAX_PDU_BYTES;
-use super::{ascii, rtu};
+use super::{ascii, mbap, rtu};
 use crate::domain::link::Framing;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -13,6 +13,7 @@ pub const fn adu_bytes(framing: Framing, pdu_bytes: usize) -> usize {
     match framing {
         Framing::Rtu => rtu::adu_bytes(pdu_bytes),
         Framing::Ascii => ascii::adu_bytes(pdu_bytes),
+        Framing::Mbap => mbap::adu_bytes(pdu_bytes),
     }
 }
 
@@ -22,11 +23,30 @@ pub const fn max_adu_bytes(framing: Framing) -> usize {
     adu_bytes(framing, MAX_PDU_BYTES)
 }
 
-/// Appends the frame for `station` to `out`; `pdu` appends its PDU.
+/// Appends the frame for `station` to `out`; `pdu` appends its PDU. Where frames are numbered, it has the number 0: see
+/// [`set_transaction`].
 pub fn encode(framing: Framing, out: &mut Vec<u8>, station: u8, pdu: impl FnOnce(&mut Vec<u8>)) {
     match framing {
         Framing::Rtu => rtu::encode(out, station, pdu),
         Framing::Ascii => ascii::encode(out, station, pdu),
+        Framing::Mbap => mbap::encode(out, 0, station, pdu),
+    }
+}
+
+/// The number of a frame's transaction; `None` where frames have none.
+#[must_use]
+pub const fn transaction_of(framing: Framing, adu: &[u8]) -> Option<u16> {
+    match framing {
+        Framing::Rtu | Framing::Ascii => None,
+        Framing::Mbap => mbap::transaction(adu),
+    }
+}
+
+/// Gives a frame the number `transaction`, where frames have one.
+pub fn set_transaction(framing: Framing, adu: &mut [u8], transaction: u16) {
+    match framing {
+        Framing::Rtu | Framing::Ascii => {}
+        Framing::Mbap => mbap::set_transaction(adu, transaction),
     }
 }
 
@@ -36,10 +56,18 @@ pub fn decode(framing: Framing, adu: &[u8]) -> Option<(u8, Cow<'_, [u8]>)> {
     match framing {
         Framing::Rtu => rtu::decode(adu).map(|(station, pdu)| (station, Cow::Borrowed(pdu))),
         Framing::Ascii => ascii::decode(adu).map(|(station, pdu)| (station, Cow::Owned(pdu))),
+        Framing::Mbap => {
+            let message = mbap::decode(adu).ok().flatten().filter(|message| message.adu_bytes == adu.len());
+            message.map(|message| (message.unit, Cow::Borrowed(message.pdu)))
+        }
     }
 }
 
-/// Collects received bytes and finds sound frames among them: see [`rtu::find`] and [`ascii::find`].
+/// Most bytes of a Modbus TCP stream that are kept. All whole messages are taken out between two reads of a port, which
+/// give less than this.
+const STREAM_BYTES_MAX: usize = 4096 + mbap::MAX_ADU_BYTES;
+
+/// Collects received bytes and finds sound frames among them: see [`rtu::find`], [`ascii::find`] and [`mbap::decode`].
 #[derive(Debug)]
 pub struct Assembler {
     framing: Framing,
@@ -53,10 +81,14 @@ impl Assembler {
         Self { framing, bytes: Vec::new() }
     }
 
-    /// Maximum number of bytes that are kept: two of the longest frames. Further bytes push out the oldest.
+    /// Maximum number of bytes that are kept: two of the longest frames, of a stream more. Further bytes push out the
+    /// oldest.
     #[must_use]
     pub const fn max_bytes(&self) -> usize {
-        2 * max_adu_bytes(self.framing)
+        match self.framing {
+            Framing::Rtu | Framing::Ascii => 2 * max_adu_bytes(self.framing),
+            Framing::Mbap => STREAM_BYTES_MAX,
+        }
     }
 
     /// Takes received bytes; returns those that were pushed out unused.
@@ -71,6 +103,7 @@ impl Assembler {
         let place = match self.framing {
             Framing::Rtu => rtu::find(&self.bytes, expected),
             Framing::Ascii => ascii::find(&self.bytes),
+            Framing::Mbap => mbap::decode(&self.bytes).ok().flatten().map(|message| 0..message.adu_bytes),
         }?;
         Some(self.take_out(place))
     }
@@ -116,10 +149,27 @@ impl Assembler {
         &self.bytes
     }
 
-    /// Removes all remaining bytes: noise, a damaged or incomplete frame, or one whose function code does not determine
-    /// its length, which [`decode`] then recognises.
+    /// Silence has followed: removes all remaining bytes, which are noise, a damaged or incomplete frame, or one whose
+    /// function code does not determine its length, which [`decode`] then recognises. A stream loses nothing, so there
+    /// the rest of an incomplete frame is still to come.
     pub fn end(&mut self) -> Vec<u8> {
+        if self.is_stream() { Vec::new() } else { self.clear() }
+    }
+
+    /// Removes all bytes: nothing that belongs to them will follow.
+    pub fn clear(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.bytes)
+    }
+
+    /// Whether the bytes do not begin with a header, in a stream where they must. No later byte can be trusted to begin
+    /// a frame.
+    #[must_use]
+    pub fn is_out_of_step(&self) -> bool {
+        self.is_stream() && mbap::decode(&self.bytes).is_err()
+    }
+
+    const fn is_stream(&self) -> bool {
+        matches!(self.framing, Framing::Mbap)
     }
 
     /// Whether the pending bytes, which contain no sound frame, are the expected reply or its exception, damaged. Where
@@ -129,12 +179,13 @@ impl Assembler {
         match self.framing {
             Framing::Rtu => rtu::holds_damaged(&self.bytes, expected),
             Framing::Ascii => ascii::holds_damaged(&self.bytes, expected),
+            Framing::Mbap => false,
         }
     }
 
-    /// Whether frames have an end mark, so that nothing after it can belong to them.
+    /// Whether frames have an end mark or say their length, so that nothing after it can belong to them.
     #[must_use]
     pub const fn sees_ends(&self) -> bool {
-        matches!(self.framing, Framing::Ascii)
+        matches!(self.framing, Framing::Ascii | Framing::Mbap)
     }
 }

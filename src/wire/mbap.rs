@@ -7,6 +7,12 @@ pub const HEADER_BYTES: usize = 7;
 /// Longest message: header and PDU.
 pub const MAX_ADU_BYTES: usize = HEADER_BYTES + MAX_PDU_BYTES;
 
+/// Length of the message that carries a PDU of `pdu_bytes`.
+#[must_use]
+pub const fn adu_bytes(pdu_bytes: usize) -> usize {
+    HEADER_BYTES + pdu_bytes
+}
+
 /// One whole message at the start of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message<'a> {
@@ -61,6 +67,22 @@ pub fn encode(out: &mut Vec<u8>, transaction: u16, unit: u8, pdu: impl FnOnce(&m
     pdu(out);
     let length = (out.len() - start - 6) as u16;
     out[start + 4..start + 6].copy_from_slice(&length.to_be_bytes());
+}
+
+/// The transaction of a message; `None` if it is too short to have one.
+#[must_use]
+pub const fn transaction(adu: &[u8]) -> Option<u16> {
+    match adu {
+        [high, low, ..] => Some(u16::from_be_bytes([*high, *low])),
+        _ => None,
+    }
+}
+
+/// Gives a message the number `transaction`.
+pub fn set_transaction(adu: &mut [u8], transaction: u16) {
+    if let Some(place) = adu.get_mut(..2) {
+        place.copy_from_slice(&transaction.to_be_bytes());
+    }
 }
 
 #[cfg(test)]

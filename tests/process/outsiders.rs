@@ -186,6 +186,26 @@ pub fn pymodbus_vendor(drive: &str, port: &Path, station: u8) -> Started {
     started
 }
 
+/// The same with a Modbus TCP server on `port` of this machine, as `unit`.
+pub fn pymodbus_vendor_at(drive: &str, port: u16, unit: u8) -> Started {
+    pymodbus_vendor(drive, Path::new(&format!("tcp:{port}")), unit)
+}
+
+/// A drive played by a Modbus TCP server of libmodbus on `port` of this machine, compiled into `directory`; see
+/// `libmodbus_drive.c`.
+pub fn libmodbus_drive(directory: &Path, port: u16) -> Started {
+    let program = directory.join("libmodbus_drive");
+    let mut compiler = Command::new("cc");
+    compiler.args(["-Wall", "-I/usr/include/modbus", "-o"]).arg(&program);
+    let output = run(compiler.arg(script("libmodbus_drive.c")).arg("-lmodbus"));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut command = Command::new(program);
+    command.arg(port.to_string());
+    let started = Started::new(command);
+    started.wait_for("that it listens", |line| line.starts_with("{\"plays\"").then_some(()));
+    started
+}
+
 /// Two pseudo-terminals, `one` and `other`, joined by socat like the two ends of a cable.
 pub fn cable(one: &Path, other: &Path) -> Started {
     let end = |path: &Path| format!("pty,raw,echo=0,link={}", path.display());

@@ -1,6 +1,8 @@
-"""Plays a drive that turns a motor on a serial port, with somebody else's Modbus server.
+"""Plays a drive that turns a motor on a serial port or a TCP port, with somebody else's Modbus server.
 
     vendors.py e510|fr500a PORT STATION
+
+PORT is a device, or `tcp:NUMBER` for Modbus TCP on this machine.
 
 Registers, bits, limits and exceptions are typed from the vendors' documents. Whatever the drive hears and refuses is
 printed, one JSON object per line. `trip CODE` on stdin trips it; the end of stdin ends it.
@@ -14,7 +16,7 @@ import time
 from pymodbus import FramerType
 from pymodbus.constants import ExcCodes
 from pymodbus.pdu import ExceptionResponse
-from pymodbus.server import ModbusSerialServer
+from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 READ, WRITE, LOOP_TEST, WRITE_BLOCK = 0x03, 0x06, 0x08, 0x10
@@ -245,12 +247,13 @@ def typed(drive, ended):
 
 async def main():
     drive = {"e510": E510, "fr500a": Fr500a}[sys.argv[1]]()
-    server = ModbusSerialServer(
-        SimDevice(id=int(sys.argv[3]), simdata=drive.simdata(), action=drive.access),
-        port=sys.argv[2],
-        trace_pdu=tracer(drive),
-        **drive.LINE,
-    )
+    device = SimDevice(id=int(sys.argv[3]), simdata=drive.simdata(), action=drive.access)
+    port = sys.argv[2]
+    if port.startswith("tcp:"):
+        address = ("127.0.0.1", int(port.removeprefix("tcp:")))
+        server = ModbusTcpServer(device, address=address, trace_pdu=tracer(drive))
+    else:
+        server = ModbusSerialServer(device, port=port, trace_pdu=tracer(drive), **drive.LINE)
     ended = asyncio.Event()
     asyncio.get_running_loop().add_reader(sys.stdin, typed, drive, ended)
     await server.serve_forever(background=True)

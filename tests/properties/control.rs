@@ -8,6 +8,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Go, Order, Origin, Outcome, RegisterWrite, Rights};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{Station, Ticket};
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::{Input, Note};
 use vfd_gateway::sim::FaultPlan;
@@ -24,6 +25,8 @@ enum Step {
     Trip,
     Power(bool),
     Alive,
+    /// The connection breaks, and is back after this many milliseconds.
+    Cut(u64),
 }
 
 /// What was commanded.
@@ -62,11 +65,13 @@ fn step() -> impl Strategy<Value = Step> {
         1 => Just(Step::Trip),
         1 => any::<bool>().prop_map(Step::Power),
         2 => Just(Step::Alive),
+        1 => (0..1000_u64).prop_map(Step::Cut),
     ]
 }
 
 struct Observed {
     rig: Rig,
+    plans: [&'static str; 4],
     given: BTreeMap<u64, Given>,
 }
 
@@ -80,8 +85,7 @@ impl Observed {
             }
             Step::Pass(ms) => self.rig.pass(Duration::from_millis(ms)),
             Step::Faults(plan) => {
-                let plans = ["", "lost=300", "late=300,flip=50", "noise=100,cut=100"];
-                self.rig.bus.set_faults(plans[plan].parse().expect("a plan"));
+                self.rig.bus.set_faults(self.plans[plan].parse().expect("a plan"));
             }
             Step::Trip => {
                 if let Some(drive) = self.rig.bus.drive_mut(Station(1)) {
@@ -90,6 +94,11 @@ impl Observed {
             }
             Step::Power(on) => self.rig.bus.set_powered(now, Station(1), on),
             Step::Alive => self.rig.core.handle(now, Input::PathAlive(MQTT.owner)),
+            Step::Cut(ms) => {
+                self.rig.close(LineFault::Gone);
+                self.rig.pass(Duration::from_millis(ms));
+                self.rig.open();
+            }
         }
     }
 
@@ -132,9 +141,9 @@ impl Observed {
                 budget.entry((FREQUENCY, hertz.to_word(100).expect("a word"))).or_default().push(given.at);
             }
         }
-        for sent in self.rig.sent.iter().filter(|sent| sent.frame[1] == 6) {
-            let word = |at: usize| u16::from_be_bytes([sent.frame[at], sent.frame[at + 1]]);
-            let (address, value) = (word(2), word(4));
+        for sent in self.rig.sent.iter().filter(|sent| sent.pdu[0] == 6) {
+            let word = |at: usize| u16::from_be_bytes([sent.pdu[at], sent.pdu[at + 1]]);
+            let (address, value) = (word(1), word(3));
             if address == RUN && matches!(value, 0 | 3 | 4) {
                 continue;
             }
@@ -163,13 +172,13 @@ impl Observed {
                 .reports
                 .iter()
                 .find(|(_, answer)| answer.ticket == ticket && answer.report.outcome == Outcome::Confirmed);
-            let acts = self.rig.sent.iter().any(|sent| sent.at >= given.at && sent.frame[1..5] == [6, 0, 2, 0]);
+            let acts = self.rig.sent.iter().any(|sent| sent.at >= given.at && sent.pdu.starts_with(&[6, 0, 2, 0]));
             let Some((until, _)) = confirmed.filter(|_| acts) else { continue };
-            let moves = |frame: &[u8]| {
-                let runs = frame[1..5] == [6, 0, 2, 0] && matches!(frame[5], 1 | 2);
-                runs || frame[1..4] == [6, 0, 4]
+            let moves = |pdu: &[u8]| {
+                let runs = pdu.starts_with(&[6, 0, 2, 0]) && matches!(pdu[4], 1 | 2);
+                runs || pdu.starts_with(&[6, 0, 4])
             };
-            let early = self.rig.sent.iter().find(|sent| sent.at > given.at && sent.at < *until && moves(&sent.frame));
+            let early = self.rig.sent.iter().find(|sent| sent.at > given.at && sent.at < *until && moves(&sent.pdu));
             // A setpoint beside a stop that changes nothing is confirmed by its own write.
             let is_setpoint = matches!(given.order, Order::Stop { setpoint: Some(_) });
             prop_assert!(early.is_none() || is_setpoint, "{:02X?} before {:?}", early, given.order);
@@ -178,24 +187,38 @@ impl Observed {
     }
 }
 
+/// Takes `steps`, waits until all is over, and checks the promises.
+fn observe(options: &RigOptions, plans: [&'static str; 4], steps: Vec<Step>) -> Result<(), TestCaseError> {
+    let mut observed = Observed { rig: Rig::new(options), plans, given: BTreeMap::new() };
+    for step in steps {
+        observed.take(step);
+    }
+    observed.rig.bus.set_faults(FaultPlan::NONE);
+    let now = observed.rig.now;
+    observed.rig.bus.set_powered(now, Station(1), true);
+    observed.rig.pass(Duration::from_secs(60));
+    observed.check()?;
+    // Nobody is left who gave a sign of life: whatever was started here has been stopped.
+    let was_stopped = !observed.rig.notes.iter().any(|(_, note)| matches!(note, Note::StopDropped));
+    prop_assert!(!was_stopped || observed.rig.output(1) == 0, "it still turns");
+    prop_assert!(observed.rig.view(0).control.is_some_and(|control| !control.command_pending));
+    Ok(())
+}
+
+fn options(seed: u64) -> RigOptions {
+    RigOptions { control: Some(control()), seed, ..RigOptions::controlled() }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn the_promises_hold_whatever_is_commanded(seed in any::<u64>(), steps in prop::collection::vec(step(), 1..60)) {
-        let options = RigOptions { control: Some(control()), seed, ..RigOptions::controlled() };
-        let mut observed = Observed { rig: Rig::new(&options), given: BTreeMap::new() };
-        for step in steps {
-            observed.take(step);
-        }
-        observed.rig.bus.set_faults(FaultPlan::NONE);
-        let now = observed.rig.now;
-        observed.rig.bus.set_powered(now, Station(1), true);
-        observed.rig.pass(Duration::from_secs(60));
-        observed.check()?;
-        // Nobody is left who gave a sign of life: whatever was started here has been stopped.
-        let was_stopped = !observed.rig.notes.iter().any(|(_, note)| matches!(note, Note::StopDropped));
-        prop_assert!(!was_stopped || observed.rig.output(1) == 0, "it still turns");
-        prop_assert!(observed.rig.view(0).control.is_some_and(|control| !control.command_pending));
+        observe(&options(seed), ["", "lost=300", "late=300,flip=50", "noise=100,cut=100"], steps)?;
+    }
+
+    #[test]
+    fn they_hold_over_modbus_tcp(seed in any::<u64>(), steps in prop::collection::vec(step(), 1..60)) {
+        observe(&options(seed).modbus_tcp(), ["", "lost=300", "late=300,beyond=100", "twin=500,late=100"], steps)?;
     }
 }

@@ -172,6 +172,14 @@ impl RigOptions {
     }
 }
 
+impl RigOptions {
+    /// The same over a Modbus TCP connection.
+    pub fn modbus_tcp(self) -> Self {
+        let bus = BusOptions { framing: Framing::Mbap, pacing: Pacing::None, ..self.bus };
+        Self { bus, ..self }
+    }
+}
+
 /// A bus without character times is not a serial port.
 fn port_kind(options: &RigOptions) -> PortKind {
     match options.bus.pacing {
@@ -245,6 +253,7 @@ pub struct Rig {
     /// Frames with this PDU reach no drive.
     pub swallows: Option<Vec<u8>>,
     framing: Framing,
+    port_kind: PortKind,
     /// Sent bytes come back at once, as from an adapter that receives its own bytes.
     pub echoes: bool,
     last_ticket: u64,
@@ -304,6 +313,7 @@ impl Rig {
             loses_reply_to: None,
             swallows: None,
             framing: options.bus.framing,
+            port_kind: port_kind(options),
             echoes: options.echoes,
             last_ticket: 0,
             open: HashMap::new(),
@@ -409,9 +419,22 @@ impl Rig {
 
     /// Unplugs the port and plugs it in again.
     pub fn reopen(&mut self) {
-        self.core.handle(self.now, Input::PortDown(LineFault::Gone));
+        self.close(LineFault::Gone);
+        self.open();
+    }
+
+    /// Loses the port.
+    pub fn close(&mut self, fault: LineFault) {
+        self.core.handle(self.now, Input::PortDown(fault));
+        if !self.framing.has_characters() {
+            self.bus.hang_up(self.now);
+        }
         self.settle();
-        self.core.handle(self.now, Input::PortUp(PortKind::Serial));
+    }
+
+    /// Opens the port again.
+    pub fn open(&mut self) {
+        self.core.handle(self.now, Input::PortUp(self.port_kind));
         self.settle();
     }
 
@@ -421,7 +444,10 @@ impl Rig {
         self.setup.asked_before = true;
         self.setup.drives.iter_mut().for_each(|drive| drive.remembered = remembered);
         self.core = LineCore::new(self.setup.clone(), self.now);
-        self.core.handle(self.now, Input::PortUp(PortKind::Serial));
+        if !self.framing.has_characters() {
+            self.bus.hang_up(self.now);
+        }
+        self.core.handle(self.now, Input::PortUp(self.port_kind));
         self.kept.clear();
         self.notes.clear();
         self.trips.clear();
@@ -441,6 +467,12 @@ impl Rig {
             self.core.handle(self.now, Input::Kept(row));
             self.settle();
         }
+    }
+
+    /// Keeps the traffic of the wire in `traffic` from now on.
+    pub fn tells_traffic(&mut self) {
+        self.traffic.clear();
+        self.core.tell_traffic(true);
     }
 
     /// Lets `time` pass.

@@ -8,8 +8,9 @@ use super::log::complain;
 use super::socket::{self, Question};
 use crate::daemon::host::clock;
 use crate::daemon::service::run::told_to_end;
+use crate::domain::link::Framing;
 use crate::domain::time::MonoTime;
-use crate::north::traffic::packets::{PacketFrame, beginning_of};
+use crate::north::traffic::packets::{PacketFrame, beginning_of, framing_of};
 use crate::north::traffic::pcapng;
 use serde_json::Value;
 use std::env::consts::{ARCH, OS};
@@ -156,7 +157,7 @@ impl Source<'_> {
 struct Capture<'a> {
     args: &'a Args,
     out: Box<dyn Write>,
-    is_rtu: bool,
+    framing: Framing,
     frames: u64,
     lost: u64,
     /// Lost since the last frame.
@@ -178,7 +179,7 @@ impl<'a> Capture<'a> {
         let mut capture = Self {
             args,
             out,
-            is_rtu: line["framing"] == "rtu",
+            framing: framing_of(line),
             frames: 0,
             lost: 0,
             dropped: 0,
@@ -220,7 +221,7 @@ impl<'a> Capture<'a> {
     /// Writes a frame. Returns whether the output still has a reader.
     fn frame(&mut self, data: &str) -> Result<bool, Failure> {
         let frame = serde_json::from_str(data).ok();
-        let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.is_rtu)) else {
+        let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.framing)) else {
             return Err(Failure::failed("the gateway's answer cannot be parsed; it may be another version"));
         };
         let dropped = std::mem::take(&mut self.dropped);

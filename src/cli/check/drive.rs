@@ -31,7 +31,7 @@ pub(super) fn describe(
     let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
     writeln!(text, "  drive {name}: {}, station {}, {units}, {access}", model.id, drive.station)?;
     polls(text, drive, budget, reads)?;
-    lateness(text, drive)?;
+    lateness(text, line, drive)?;
     for (what, key) in shown_in_per_cent(model, &drive.ratings) {
         writeln!(text, "    {what} is shown in per cent only: give {key}")?;
     }
@@ -51,11 +51,18 @@ pub(super) fn describe(
 }
 
 /// How long a reply is awaited, and how long a missing one delays what could be mistaken for it.
-fn lateness(text: &mut String, drive: &DriveSettings) -> Result {
+fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Result {
     let timeouts = line_plan::reply_timeouts(drive);
     let [read, write, stored] = Class::ALL.map(|class| timeouts.of(class));
     let all_same = read == write && read == stored;
     let waits = if all_same { ms(read) } else { format!("{} (stored writes {})", ms(read.max(write)), ms(stored)) };
+    if line.framing.identifies_replies() {
+        writeln!(
+            text,
+            "    a reply is waited for up to {waits}; behind a converter that must be longer than the converter"
+        )?;
+        return writeln!(text, "    waits for the drive; a late one is mistaken for no other");
+    }
     let learned = if timeouts.learns { ", shorter once its reply times are known" } else { "" };
     writeln!(text, "    a reply is waited for up to {waits}{learned}")?;
     let late = ms(drive.max_lateness);

@@ -2,7 +2,7 @@
 
 use super::drive::settings;
 use super::text::ms;
-use super::{beside_modbus, of_listener, warnings};
+use super::{beside_modbus, link_text, of_listener, warnings};
 use crate::cli::output::few;
 use crate::config::{Config, LineSettings, line_plan};
 use crate::domain::report::StopBounds;
@@ -47,7 +47,7 @@ fn of_line(line: &LineSettings) -> String {
         "line {} ({}, {}): {drives}, {controlled} controlled; polls use {:.1} %{stop}",
         line.name,
         line.port,
-        line.link,
+        link_text(line),
         line_plan::budget(line).use_of_line * 100.0
     )
 }

@@ -11,7 +11,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", default_value = "vfd-gateway.toml")]
     pub out: PathBuf,
     /// Line: a serial port, or tcp://HOST:PORT of a serial device server
-    #[arg(long, value_name = "PORT", value_parser = config::port_address)]
+    #[arg(long, value_name = "PORT", value_parser = config::serial_port_address)]
     pub port: Option<PortAddress>,
     /// Stations to look for
     #[arg(long, value_name = "NUMBERS", default_value = "1-32")]

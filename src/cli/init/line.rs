@@ -38,7 +38,7 @@ fn port<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<PortAdd
     questions.ask_until("Number of the port, or its path, or tcp://HOST:PORT of a serial device server", |answer| {
         match answer.parse::<usize>().ok().and_then(|number| adapters.get(number.checked_sub(1)?)) {
             Some(adapter) => Ok(PortAddress::Device(adapter.path.clone())),
-            None => config::port_address(answer),
+            None => config::serial_port_address(answer),
         }
     })
 }

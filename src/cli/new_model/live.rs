@@ -12,7 +12,7 @@ use tokio::runtime::Runtime;
 #[derive(Clone, Debug, clap::Args)]
 pub struct LiveArgs {
     /// Read from the drive at this port while you answer. The line must not be in use
-    #[arg(long, value_name = "PORT", value_parser = config::port_address, requires = "station")]
+    #[arg(long, value_name = "PORT", value_parser = config::serial_port_address, requires = "station")]
     port: Option<PortAddress>,
     /// Station of the drive on the port
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=247), requires = "port")]

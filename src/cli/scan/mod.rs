@@ -31,7 +31,7 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The line: a serial port such as /dev/ttyUSB0, or a serial device server such as tcp://10.0.0.7:4001
-    #[arg(long, value_name = "PORT", value_parser = config::port_address)]
+    #[arg(long, value_name = "PORT", value_parser = config::serial_port_address)]
     port: config::PortAddress,
     /// Stations to ask, such as 1-32 or 1,3,7-9
     #[arg(long, value_name = "NUMBERS", default_value = "1-32", value_parser = parsed_stations)]
@@ -185,7 +185,9 @@ fn announcement(args: &Args, plan: &Plan) -> String {
     let (silent, told) = plan.duration();
     let settings: Vec<_> = plan.settings.iter().map(setting_text).collect();
     let settings = match args.port {
-        config::PortAddress::Tcp { .. } => "with the setting of the device server".to_owned(),
+        config::PortAddress::Tcp { .. } | config::PortAddress::ModbusTcp { .. } => {
+            "with the setting of the device server".to_owned()
+        }
         config::PortAddress::Device(_) => format!("at {}", settings.join(", ")),
     };
     let stations = plan.stations.len();

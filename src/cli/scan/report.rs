@@ -70,7 +70,7 @@ impl Scan<'_> {
     fn place(&self, setting: &Setting) -> String {
         match self.port {
             PortAddress::Device(_) => setting_text(setting),
-            PortAddress::Tcp { .. } => "as the device server is set".to_owned(),
+            PortAddress::Tcp { .. } | PortAddress::ModbusTcp { .. } => "as the device server is set".to_owned(),
         }
     }
 

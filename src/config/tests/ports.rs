@@ -11,7 +11,7 @@ fn line_at(port: &str, keys: &str) -> String {
 #[test]
 fn a_port_that_is_none_is_reported_with_what_would_be_right() {
     let right = "an absolute path, as \"/dev/serial/by-id/...\" or \"/dev/ttyUSB0\", or a serial device server, as \
-                 \"tcp://10.0.0.7:4001\"";
+                 \"tcp://10.0.0.7:4001\", or Modbus TCP, as \"modbus-tcp://10.0.0.7\"";
     only(&line_at("ttyUSB0", ""), &format!("line[0].port: `ttyUSB0` is not an absolute path; {right}"));
     let http = "line[0].port: a line over `http://` is not served";
     only(&line_at("http://10.0.0.7:4001", ""), &format!("{http}; {right}"));
@@ -88,4 +88,102 @@ fn keys_of_a_device_do_not_go_with_what_has_none() {
         &line_at("/dev/ttyS1", "interface = 'rs232'\nrs485 = 'rts'"),
         "line[0].rs485: has no effect: RS-232 has a wire for each direction, and nothing to turn; leave it out",
     );
+}
+
+/// A Modbus TCP line with `keys` and one drive with `drive_keys`.
+fn modbus_tcp(keys: &str, station: u16, drive_keys: &str) -> String {
+    let text = line_at("modbus-tcp://10.0.0.7", keys);
+    with(&text, "station = 1", &format!("station = {station}\n{drive_keys}"))
+}
+
+#[test]
+fn a_modbus_tcp_line_needs_nothing_of_a_serial_line() {
+    for id in vendors::catalog().ids() {
+        let text = with(&modbus_tcp("", 1, "full_scale_hz = 50.0"), "hyundai-n700", id);
+        let config = load(&text, &vendors::catalog())
+            .or_else(|_| load(&text.replace("full_scale_hz = 50.0", ""), &vendors::catalog()));
+        let line = config.unwrap_or_else(|problems| panic!("{id}: {problems:?}")).lines.remove(0);
+        assert_eq!((line.framing, line.port.to_string()), (Framing::Mbap, "modbus-tcp://10.0.0.7:502".to_owned()));
+        let (timing, needs_virtual) = crate::config::line_plan::timing(&line);
+        assert!(!timing.paced && !needs_virtual, "{id}");
+    }
+}
+
+#[test]
+fn the_same_server_stands_once_with_or_without_its_port() {
+    let text = with(TWO_LINES, "/dev/ttyUSB0", "modbus-tcp://Press.example");
+    only(
+        &with(&text, "/dev/ttyUSB1", "modbus-tcp://press.example:502"),
+        "line[1].port: the port modbus-tcp://press.example:502 is taken by line[0].port; a different port; drives on one \
+         bus belong to one line",
+    );
+    good(&with(&text, "/dev/ttyUSB1", "modbus-tcp://press.example:503"));
+}
+
+#[test]
+fn keys_of_a_serial_line_do_not_go_with_modbus_tcp() {
+    let serial =
+        "line[0].KEY: has no effect: it is about a serial line, and Modbus TCP has none on this side; leave it out";
+    for (key, value) in [
+        ("interface", "'rs485'"),
+        ("baud", "9600"),
+        ("data_bits", "8"),
+        ("parity", "'none'"),
+        ("stop_bits", "1"),
+        ("echo", "'strip'"),
+        ("rs485", "'rts'"),
+        ("low_latency", "false"),
+        ("silence", "'0ms'"),
+    ] {
+        let text = modbus_tcp(&format!("{key} = {value}"), 1, "");
+        assert_eq!(problems(&text), [serial.replace("KEY", key)]);
+    }
+    for keys in ["min_request_gap = '5ms'", "reply_timeout = '2s'"] {
+        good(&modbus_tcp(keys, 1, ""));
+    }
+    assert_eq!(
+        problems(&modbus_tcp("", 1, "max_lateness = '1s'")),
+        [
+            "line[0].drive[0].max_lateness: has no effect: over Modbus TCP each reply carries the number of its request; leave it \
+          out"
+        ]
+    );
+    only(
+        &modbus_tcp("framing = 'rtu'", 1, ""),
+        "line[0].framing: Modbus TCP has frames of its own, which are neither RTU nor ASCII; leave it out; or `tcp://` where a \
+         serial device server passes the frames of a line on as they are",
+    );
+    only(
+        &modbus_tcp("interface = 'rs232'", 1, ""),
+        "line[0].interface: a Modbus TCP connection is no RS-232; leave it out",
+    );
+}
+
+#[test]
+fn a_unit_may_be_the_device_itself() {
+    for station in [1, 200, 247] {
+        let config = good(&modbus_tcp("", station, "uniform_unit = 99"));
+        assert_eq!(u16::from(config.lines[0].drives[0].station.0), station);
+    }
+    for station in [0, 255] {
+        let config = good(&modbus_tcp("", station, "unit = 3"));
+        assert_eq!(u16::from(config.lines[0].drives[0].station.0), station);
+        only(
+            &modbus_tcp("", station, ""),
+            &format!(
+                "line[0].drive[0].unit: `unit` is left out, and station {station} is no unit of a listener; unit = 1, which is free"
+            ),
+        );
+    }
+    only(
+        &modbus_tcp("", 250, "unit = 3"),
+        "line[0].drive[0].station: the unit 250 is reserved; 0 to 247, or 255, as the drive or the converter is set",
+    );
+}
+
+#[test]
+fn a_serial_master_is_not_reached_over_modbus_tcp() {
+    let master = "[[modbus_rtu]]\nname = 'plc'\nport = 'modbus-tcp://10.0.0.9'\nbaud = 9600\nparity = 'none'\n";
+    let told = problems(&format!("{MINIMAL}\n{master}"));
+    assert!(told[0].starts_with("modbus_rtu[0].port: a serial master is not reached over Modbus TCP"), "{told:?}");
 }

@@ -120,7 +120,7 @@ impl Commissioning {
     /// Why there is none.
     pub async fn begin(&self, port: &str, asked: &str, how: Settings) -> Result<Arc<Running>, Refused> {
         let place = self.place()?;
-        let address = config::port_address(port).map_err(Refused::Wrong)?;
+        let address = config::serial_port_address(port).map_err(Refused::Wrong)?;
         let asked = stations(asked).map_err(Refused::Wrong)?;
         let is_network = matches!(address, PortAddress::Tcp { .. });
         let options = match how {

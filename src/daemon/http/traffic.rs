@@ -11,7 +11,7 @@ use crate::daemon::host::clock;
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::north::traffic::{Decoder, KnownDrive, LineFacts};
-use crate::toml_file::words::FRAMINGS;
+use crate::toml_file::words::{SHOWN_FRAMINGS, word_for};
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::{Path, State};
@@ -173,17 +173,17 @@ pub(super) fn facts(line: &SharedLine) -> LineFacts {
 
 /// The description of the line with which an answer begins.
 pub(super) fn about(line: &SharedLine) -> Value {
-    let framing = FRAMINGS.iter().find(|(_, framing)| *framing == line.wiring.framing).map(|(word, _)| *word);
+    let characters = line.wiring.characters();
     let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
         let description = &drive.description;
         value!({ "name": description.name.as_str(), "station": station.0, "model": description.model.id })
     });
     value!({
         "line": line.name.as_str(),
-        "framing": framing,
+        "framing": word_for(&SHOWN_FRAMINGS, &line.wiring.framing),
         "port": line.wiring.port,
-        "link": line.wiring.link.to_string(),
-        "baud": line.wiring.link.baud,
+        "link": characters.map(|link| link.to_string()),
+        "baud": characters.map(|link| link.baud),
         "drives": drives.collect::<Vec<_>>(),
     })
 }

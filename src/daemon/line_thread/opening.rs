@@ -72,6 +72,8 @@ impl LineTask<'_> {
         let mut opener = Opener::new(&self.port.settings);
         while let Some(mut device) = self.open(&mut opener).await? {
             let mut uptime = Uptime::new(clock::now(), &self.core);
+            // What was wrong with the last port says nothing about this one.
+            self.to_reopen = None;
             self.announce(&mut uptime, &device);
             self.core.handle(uptime.since, Input::PortUp(device.kind()));
             let left = self.serve_port(&mut device, &mut uptime).await;

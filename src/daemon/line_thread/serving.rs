@@ -67,7 +67,8 @@ impl LineTask<'_> {
         uptime.is_announced = true;
         let line = &self.port.line;
         let settings = &self.port.settings;
-        tracing::info!(line, port = %settings.address, link = %settings.link, "line up");
+        let link = settings.address.is_serial_line().then(|| tracing::field::display(settings.link));
+        tracing::info!(line, port = %settings.address, link, "line up");
         if let Some(remark) = device.remark() {
             tracing::warn!(line, port = %settings.address, "{remark}");
         }

@@ -78,13 +78,13 @@ impl ToolPort {
         }
     }
 
-    /// Opens the port for a moment, so that another user of it is named before work begins. A device server is not
-    /// contacted: many accept one connection, and free it late.
+    /// Opens the port for a moment, so that another user of it is named before work begins. No other device is contacted:
+    /// many accept one connection, and free it late.
     ///
     /// # Errors
     /// [`NoLine::Port`]
     pub async fn try_open(&self, name: &str) -> Result<(), NoLine> {
-        if matches!(self.address, PortAddress::Tcp { .. }) {
+        if self.address.network().is_some() {
             return Ok(());
         }
         let settings = self.settings(name);

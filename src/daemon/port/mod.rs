@@ -1,5 +1,5 @@
-//! The port of a line: a serial device or a connection to a serial device server, read and written without ever
-//! blocking.
+//! The port of a line: a serial device, or a connection to a serial device server or a Modbus TCP server, read and written
+//! without ever blocking.
 
 mod attempts;
 mod driver;
@@ -52,7 +52,7 @@ pub struct Opener<'a> {
 pub enum Port {
     /// A device of this host.
     Serial(SerialPort),
-    /// A connection to a serial device server.
+    /// A connection.
     Tcp(TcpPort),
 }
 
@@ -81,7 +81,7 @@ pub enum OpenError {
         "`silence` is shorter than the drives need; that is allowed only on a pseudo-terminal or `tcp://`, for tests"
     )]
     SilenceTooShort,
-    /// No connection to the serial device server.
+    /// No connection to the device server, or to the Modbus TCP server.
     #[error("{0}")]
     NoConnection(String),
 }
@@ -100,7 +100,9 @@ impl<'a> Opener<'a> {
     pub async fn open(&mut self) -> Result<Port, OpenError> {
         match &self.settings.address {
             PortAddress::Device(path) => Ok(Port::Serial(SerialPort::open(path, self.settings)?)),
-            PortAddress::Tcp { host, port } => Ok(Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?)),
+            PortAddress::Tcp { host, port } | PortAddress::ModbusTcp { host, port } => {
+                Ok(Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?))
+            }
         }
     }
 

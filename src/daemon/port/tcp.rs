@@ -1,4 +1,5 @@
-//! The port of a line behind a serial device server, which passes bytes between the line and the connection.
+//! The port of a line that is a connection: to a serial device server, which passes bytes between its line and the
+//! connection, or to a Modbus TCP server.
 
 use super::OpenError;
 use crate::config::ready::TCP_LATENESS;

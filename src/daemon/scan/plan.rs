@@ -223,7 +223,7 @@ fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
     // Where nobody knows it, a drive is looked for at one usual setting: at all of them it would cost minutes per model.
     let factory = model.link.played();
     match framing {
-        Framing::Rtu => factory == link,
+        Framing::Rtu | Framing::Mbap => factory == link,
         // Data bits that only ASCII frames can have are not a factory setting.
         Framing::Ascii => LinkSettings { data_bits: link.data_bits, ..factory } == link,
     }

@@ -56,6 +56,8 @@ fn silence(link: LinkSettings, framing: Framing) -> Duration {
         Framing::Ascii => ASCII_PAUSE,
         Framing::Rtu if link.baud > FAST_BAUD => SILENCE_FAST,
         Framing::Rtu => link.chars(SILENCE_CHARS),
+        // No serial master has such frames.
+        Framing::Mbap => Duration::ZERO,
     }
 }
 
@@ -251,7 +253,7 @@ impl Slave {
 
     const fn hole(&self) -> Duration {
         match self.settings.framing {
-            Framing::Rtu => HOLE,
+            Framing::Rtu | Framing::Mbap => HOLE,
             Framing::Ascii => ASCII_HOLE,
         }
     }

@@ -7,7 +7,7 @@ use crate::domain::report::{LineReport, LineState};
 use crate::north::finding;
 use crate::north::shown::millis;
 use crate::north::texts::Sentence;
-use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
+use crate::toml_file::words::{INTERFACES, SHOWN_FRAMINGS, word_for};
 use serde_json::{Value, json};
 
 /// One line as of its last round.
@@ -38,9 +38,9 @@ impl Line<'_> {
         json!({
             "name": self.name.as_str(),
             "port": self.wiring.port,
-            "link": self.wiring.link.to_string(),
-            "framing": word_for(&FRAMINGS, &self.wiring.framing),
-            "interface": word_for(&INTERFACES, &self.interface),
+            "link": self.wiring.characters().map(|link| link.to_string()),
+            "framing": word_for(&SHOWN_FRAMINGS, &self.wiring.framing),
+            "interface": self.wiring.characters().map(|_| word_for(&INTERFACES, &self.interface)),
             "state": if *state == LineState::Up { "up" } else { "down" },
             "reason": self.report.down_reason(),
             "reason_said": said(finding::down_reason(self.report)),

@@ -21,7 +21,7 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
         "reason": line.down_reason(),
         "reason_said": finding::down_reason(line).map(|it| it.document()),
         "port": wiring.port,
-        "link": wiring.link.to_string(),
+        "link": wiring.characters().map(|link| link.to_string()),
         "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,
         "suspicion": line.suspicion.map(|suspicion| suspicion.word()),
         "verdict": verdict(name, observed).iter().map(Finding::document).collect::<Vec<_>>(),

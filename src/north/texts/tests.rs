@@ -69,6 +69,7 @@ fn reasons_suspicions_and_faults_read_as_in_the_log() {
     let station = Station(7);
     let suspicions = [
         Suspicion::NothingHeard,
+        Suspicion::ServerSilent,
         Suspicion::DrivesAreFaster,
         Suspicion::DrivesAreSlower,
         Suspicion::AlwaysDamaged,

@@ -2,10 +2,14 @@
 
 use super::pcapng::{self, Direction, Header, Packet};
 use crate::domain::calendar;
+use crate::domain::link::Framing;
+use crate::toml_file::words::SHOWN_FRAMINGS;
 use serde_json::Value;
 
 /// The dissector for RTU frames.
 const RTU: &str = "mbrtu";
+/// The dissector for Modbus TCP.
+const MODBUS_TCP: &str = "mbtcp";
 /// The dissector for text. Frames of ASCII lines are text: there is no dissector for those.
 const TEXT: &str = "data-text-lines";
 /// The dissector for unknown bytes.
@@ -29,15 +33,16 @@ pub struct PacketFrame {
 }
 
 impl PacketFrame {
-    /// The content of `frame`, of a line that uses RTU, or ASCII; `None` if it cannot be parsed.
+    /// The content of `frame`, of a line with this framing; `None` if it cannot be parsed.
     #[must_use]
-    pub fn of(frame: &Value, is_rtu: bool) -> Option<Self> {
+    pub fn of(frame: &Value, framing: Framing) -> Option<Self> {
         let kind = frame["kind"].as_str()?;
         let bytes = unhex(frame["bytes"].as_str()?)?;
-        let protocol = match (kind, is_rtu) {
+        let protocol = match (kind, framing) {
             ("noise", _) => BYTES,
-            (_, true) => RTU,
-            (_, false) => TEXT,
+            (_, Framing::Rtu) => RTU,
+            (_, Framing::Ascii) => TEXT,
+            (_, Framing::Mbap) => MODBUS_TCP,
         };
         let direction = if kind == "request" { Direction::Out } else { Direction::In };
         let unix_us = unix_us(frame["at"].as_str()?)?;
@@ -56,6 +61,13 @@ impl PacketFrame {
     }
 }
 
+/// The framing of `line`, as the gateway describes a line before its traffic; RTU if it has an unknown word for it.
+#[must_use]
+pub fn framing_of(line: &Value) -> Framing {
+    let known = SHOWN_FRAMINGS.iter().find(|(word, _)| line["framing"] == *word);
+    known.map_or(Framing::Rtu, |(_, framing)| *framing)
+}
+
 /// The beginning of a file with the frames of `line`, as the gateway describes a line before its traffic; `host` is the
 /// machine and its system.
 #[must_use]
@@ -70,7 +82,8 @@ pub fn beginning_of(line: &Value, host: (&str, &str)) -> Vec<u8> {
             drive["station"]
         )
     });
-    let description = [format!("{}, {} {}", word("port"), word("link"), word("framing"))].into_iter().chain(drives);
+    let link = line["link"].as_str().map_or_else(String::new, |link| format!("{link} "));
+    let description = [format!("{}, {link}{}", word("port"), word("framing"))].into_iter().chain(drives);
     pcapng::beginning(&Header {
         hardware: host.0,
         os: host.1,
@@ -126,37 +139,39 @@ mod tests {
             "at": "1970-01-01T00:00:01.002003Z", "kind": "request", "why": "poll", "bytes": "010301010001D436",
             "gap_ms": null, "station": 1, "drive": "pump-1", "function": 3, "text": "read 0x0101", "values": [],
         });
-        let told = PacketFrame::of(&frame, true).unwrap();
+        let told = PacketFrame::of(&frame, Framing::Rtu).unwrap();
         assert_eq!((told.unix_us, told.direction, told.protocol), (1_002_003, Direction::Out, "mbrtu"));
         assert!(told.is_for_a_drive);
         assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
         assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
-        assert_eq!(PacketFrame::of(&frame, false).unwrap().protocol, "data-text-lines");
+        assert_eq!(PacketFrame::of(&frame, Framing::Ascii).unwrap().protocol, "data-text-lines");
+        let line = json!({ "framing": "modbus-tcp" });
+        assert_eq!(PacketFrame::of(&frame, framing_of(&line)).unwrap().protocol, "mbtcp");
         let noise = json!({
             "at": "1970-01-01T00:00:00.000001Z", "kind": "noise", "bytes": "00", "station": null,
             "text": "1 byte that makes no frame",
         });
-        let told = PacketFrame::of(&noise, true).unwrap();
+        let told = PacketFrame::of(&noise, Framing::Rtu).unwrap();
         assert_eq!((told.unix_us, told.direction, told.protocol), (1, Direction::In, "data"));
         assert_eq!(told.comment, "noise: 1 byte that makes no frame");
         let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,
             "text": "x" });
-        assert_eq!(PacketFrame::of(&other, true).unwrap().comment, "other master to station 9: x");
+        assert_eq!(PacketFrame::of(&other, Framing::Rtu).unwrap().comment, "other master to station 9: x");
     }
 
     #[test]
     fn what_is_not_understood_is_none() {
         let good = json!({ "at": "1970-01-01T00:00:01.002003Z", "kind": "reply", "bytes": "0A", "text": "" });
-        assert!(PacketFrame::of(&good, true).is_some());
+        assert!(PacketFrame::of(&good, Framing::Rtu).is_some());
         for (key, wrong) in [("at", "yesterday"), ("at", "1970-01-01T00:00:01.002Z"), ("bytes", "0"), ("bytes", "xy")] {
             let mut frame = good.clone();
             frame[key] = wrong.into();
-            assert_eq!(PacketFrame::of(&frame, true), None, "{key} {wrong}");
+            assert_eq!(PacketFrame::of(&frame, Framing::Rtu), None, "{key} {wrong}");
         }
         for key in ["at", "kind", "bytes"] {
             let mut frame = good.clone();
             frame[key] = Value::Null;
-            assert_eq!(PacketFrame::of(&frame, true), None, "{key}");
+            assert_eq!(PacketFrame::of(&frame, Framing::Rtu), None, "{key}");
         }
     }
 }

@@ -83,6 +83,7 @@ pub(super) fn damaged(framing: Framing, bytes: &[u8], asked: Option<&OpenRequest
         _ => format!("{count} bytes that make no frame"),
     };
     match framing {
+        Framing::Mbap => format!("{count} bytes that make no Modbus TCP message"),
         Framing::Ascii => match bytes {
             [b':', .., b'\r', b'\n'] => format!("a damaged frame: {count} characters whose check is wrong"),
             [b':', ..] => format!("{count} characters of a frame that did not end"),

@@ -6,7 +6,7 @@ use crate::domain::link::Framing;
 use crate::drive::description::Ratings;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
-use crate::wire::{ascii, rtu};
+use crate::wire::{mbap, rtu};
 use serde_json::Value;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -104,17 +104,14 @@ fn rows() -> Vec<Row> {
 }
 
 fn is_sound(framing: Framing, bytes: &[u8]) -> bool {
-    match framing {
-        Framing::Rtu => rtu::decode(bytes).is_some(),
-        Framing::Ascii => ascii::decode(bytes).is_some(),
-    }
+    framing::decode(framing, bytes).is_some()
 }
 
 /// The decoder's text for a row: of a damaged frame as the line would report it.
 fn decoded(row: &Row) -> (Frame, Option<Frame>) {
     let station = match row.framing {
-        Framing::Rtu => row.request[0],
         Framing::Ascii => u8::from_str_radix(std::str::from_utf8(&row.request[1..3]).unwrap(), 16).unwrap(),
+        _ => row.request[0],
     };
     // If a frame is for all, some drive receives it.
     let known = model_of(&row.drive).map(|model| drive(model, if matches!(station, 0 | 0xFF) { 1 } else { station }));
@@ -131,7 +128,7 @@ fn every_frame_of_the_collections_reads_as_it_always_did() {
     for row in rows() {
         let shown = |bytes: &[u8]| match row.framing {
             Framing::Ascii => String::from_utf8_lossy(bytes).trim_end().to_owned(),
-            Framing::Rtu => bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" "),
+            _ => bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" "),
         };
         let (asked, reply) = decoded(&row);
         let _ = writeln!(text, "{}: {}", row.drive, row.what);
@@ -289,6 +286,24 @@ fn what_is_left_of_a_reply_is_said_to_be_that() {
     assert_eq!(said(b":0103021770FF\r\n"), "a damaged frame: 15 characters whose check is wrong");
     assert_eq!(said(b":0103"), "5 characters of a frame that did not end");
     assert_eq!(said(b"03\r\n"), "4 bytes that make no frame");
+}
+
+#[test]
+fn messages_of_modbus_tcp_read_as_the_frames_of_a_serial_line() {
+    let message = |pdu: &[u8]| {
+        let mut out = Vec::new();
+        mbap::encode(&mut out, 0xBEEF, 1, |adu| adu.extend_from_slice(pdu));
+        out
+    };
+    let mut line = decoder(Framing::Mbap, vec![drive("hyundai-n700", 1)]);
+    let mut serial = hall();
+    for (kind, pdu) in [(TrafficKind::Request, &[3, 1, 1, 0, 1][..]), (TrafficKind::Reply, &[3, 2, 0x17, 0x70])] {
+        let frame = line.decode(&record(kind, &message(pdu)));
+        assert_eq!((&frame.station, frame.function), (&Some(Station(1)), Some(3)));
+        assert_eq!(frame.text, serial.decode(&record(kind, &self::frame(1, pdu))).text);
+    }
+    let noise = line.decode(&record(TrafficKind::Noise, b"HTTP"));
+    assert_eq!(noise.text, "4 bytes that make no Modbus TCP message");
 }
 
 #[test]

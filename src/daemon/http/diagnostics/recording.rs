@@ -4,7 +4,6 @@ use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::exchange::traffic::{Listener, RECORDS_MAX};
 use crate::daemon::host::clock;
 use crate::daemon::http::traffic::{WallClock, about, facts};
-use crate::domain::link::Framing;
 use crate::north::traffic::Decoder;
 use crate::north::traffic::packets::{PacketFrame, beginning_of};
 use crate::north::traffic::pcapng;
@@ -32,7 +31,7 @@ impl Recording {
 
     /// Takes what was recorded since the last time.
     pub fn take(&mut self) {
-        let is_rtu = self.listener.line().wiring.framing == Framing::Rtu;
+        let framing = self.listener.line().wiring.framing;
         let mut news = self.listener.look(RECORDS_MAX);
         if news.lost > 0 {
             self.decoder.skip();
@@ -40,7 +39,7 @@ impl Recording {
         for (_, record) in news.records {
             let at = self.clock.rfc3339(record.at());
             let frame = self.decoder.decode(&record).json(&at, &record.bytes);
-            let Some(frame) = PacketFrame::of(&frame, is_rtu) else { continue };
+            let Some(frame) = PacketFrame::of(&frame, framing) else { continue };
             if self.file.len() < BYTES_MAX {
                 self.file.extend(pcapng::packet(&frame.packet(std::mem::take(&mut news.lost))));
             }

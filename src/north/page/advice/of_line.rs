@@ -42,8 +42,9 @@ impl Line<'_> {
             None | Some(LineFault::Gone | LineFault::Failed) => "finding.line_down_port",
             Some(LineFault::Stuck) => "finding.line_down_stuck",
             Some(LineFault::Jammed) => "finding.line_down_jammed",
+            Some(LineFault::Mute) if self.wiring.characters().is_none() => "finding.line_down_mute_server",
             Some(LineFault::Mute) => "finding.line_down_mute",
-            Some(LineFault::Echo) => "finding.line_down",
+            Some(LineFault::Echo | LineFault::OutOfStep) => "finding.line_down",
         };
         down(key, reason).with("port", self.wiring.port.as_str())
     }

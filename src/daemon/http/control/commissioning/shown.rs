@@ -52,7 +52,7 @@ fn ways(config: &Config) -> Vec<&'static str> {
 fn port_json(port: &Adapter, lines: &[LineSettings]) -> Value {
     let is_used = |line: &&LineSettings| match &line.port {
         PortAddress::Device(path) => is_same(path, &port.device),
-        PortAddress::Tcp { .. } => false,
+        PortAddress::Tcp { .. } | PortAddress::ModbusTcp { .. } => false,
     };
     json!({
         "port": port.path,

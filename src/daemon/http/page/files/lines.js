@@ -61,7 +61,8 @@ class Line {
     attribute(this.element, "data-state", is_up ? (line.is_suspended ? "suspended" : "up") : "down");
     reshape(this.shape, is_up ? "good" : "problem");
     text(this.state, is_up ? words("up") : `${words("down")}${reason ? `: ${reason}` : ""}`);
-    text(this.about, `${line.port} · ${line.link} ${String(line.framing ?? "").toUpperCase()} · ${t("drives", { count: line.drives?.length ?? 0 })}`);
+    const link = [line.link, String(line.framing ?? "").toUpperCase()].filter(Boolean).join(" ");
+    text(this.about, `${line.port} · ${link} · ${t("drives", { count: line.drives?.length ?? 0 })}`);
     const use = line.use_per_cent;
     this.bar.value = typeof use === "number" ? use : 0;
     text(this.cells.use, `${number(use, 0)} %`);

@@ -72,7 +72,7 @@ export class Panel {
     }
     const reason = answer.reason ? `: ${sentence_of({ said: answer.reason_said, text: answer.reason })}` : "";
     const observed = t("report.observed", { seconds: number(answer.observed_s, 0) });
-    text(this.message, `${words(answer.state)}${reason} · ${answer.link} · ${observed}`);
+    text(this.message, [`${words(answer.state)}${reason}`, answer.link, observed].filter(Boolean).join(" · "));
     this.verdict.replaceChildren(
       ...answer.verdict.map((finding) => {
         const { severity } = finding;

@@ -1,0 +1,65 @@
+//! Takes frames out of the received data and classifies them.
+
+use super::super::exchange::{Ending, Exchange, answer_in};
+use super::Wire;
+use crate::domain::ids::Station;
+use crate::domain::traffic::TrafficKind;
+use crate::wire::{framing, pdu};
+
+impl Wire {
+    /// Removes the frames from the received data. `is_over`: silence has followed. Returns how the open exchange ended,
+    /// if it did.
+    pub(super) fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
+        let mut ended = None;
+        while let Some(found) = self.assembler.take_certain(self.open.as_ref().map(|open| &open.expected), is_over) {
+            self.note(TrafficKind::Noise, found.noise);
+            let (kind, ending) = self.judge(&found.adu);
+            let transaction = framing::transaction_of(self.timing.framing, &found.adu);
+            transaction.into_iter().for_each(|id| self.transactions.answered(id));
+            self.note(kind, found.adu);
+            if let Some(Ending::Exception(code)) = ending
+                && !self.assembler.sees_ends()
+                && !is_over
+            {
+                self.open.iter_mut().for_each(|open| open.exception = Some(code));
+            } else if let Some(ending) = ending
+                && let Some(open) = self.open.take()
+            {
+                self.own_echo.is_over();
+                ended = Some((open.exchange, ending));
+            }
+        }
+        if self.assembler.is_out_of_step() {
+            self.is_out_of_step = true;
+            let rest = self.assembler.clear();
+            self.note(TrafficKind::Noise, rest);
+        }
+        ended
+    }
+
+    /// Classifies a sound frame: our answer, another station's or master's, or one that is late.
+    fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
+        let frame = framing::decode(self.timing.framing, adu);
+        let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
+        // A connection has no other master.
+        if pdu::is_request(&pdu) && !self.timing.framing.identifies_replies() {
+            return (TrafficKind::OtherMaster(Station(station)), None);
+        }
+        let stray = TrafficKind::Stray(Station(station));
+        let Some(open) = &self.open else { return (stray, None) };
+        if framing::transaction_of(self.timing.framing, adu) != open.transaction {
+            return (stray, None);
+        }
+        if station != open.expected.station {
+            return (TrafficKind::Foreign(Station(station)), None);
+        }
+        if self.last_byte_at < open.sent_until {
+            // No station answers a request before it is complete.
+            return (stray, None);
+        }
+        match answer_in(&open.exchange, &pdu) {
+            Some(ending) => (TrafficKind::Reply, Some(ending)),
+            None => (stray, None),
+        }
+    }
+}
