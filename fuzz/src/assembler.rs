@@ -14,7 +14,11 @@ use vfd_gateway::wire::{crc, pdu::function};
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);
     let flags = feed.byte();
-    let framing = if flags & 1 == 0 { Framing::Rtu } else { Framing::Ascii };
+    let framing = match (flags & 4, flags & 1) {
+        (0, 0) => Framing::Rtu,
+        (0, _) => Framing::Ascii,
+        _ => Framing::Mbap,
+    };
     let seed = feed.byte();
     let expected = (flags & 2 != 0).then(|| expected(framing, &mut feed));
     let expected = expected.as_ref();
@@ -61,7 +65,7 @@ fn hear<'a>(
         let is_damaged = expected.is_some_and(|expected| assembler.holds_damaged(expected));
         assert!(!(is_damaged && assembler.is_empty()), "nothing is damaged where nothing is");
     }
-    let rest = assembler.end();
+    let rest = assembler.clear();
     given_out.extend_from_slice(&rest);
     assert_eq!(given_out, put_in, "bytes in are frames and noise out");
     (found, rest)
@@ -76,6 +80,14 @@ fn check(framing: Framing, expected: Option<&Expected>, found: &FoundFrame) {
     match framing {
         Framing::Rtu => assert_eq!(again, found.adu),
         Framing::Ascii => assert_eq!(again, found.adu.to_ascii_uppercase()),
+        Framing::Mbap => {
+            framing::set_transaction(
+                framing,
+                &mut again,
+                framing::transaction_of(framing, &found.adu).expect("a number"),
+            );
+            assert_eq!((again, found.noise.is_empty()), (found.adu.clone(), true), "a stream has no noise");
+        }
     }
     if framing == Framing::Rtu && !found.noise.is_empty() {
         let expected = expected.expect("behind noise only the expected reply is looked for");

@@ -54,6 +54,6 @@ fn check(config: &Config) {
 fn is_usable(port: &PortAddress) -> bool {
     match port {
         PortAddress::Device(path) => path.is_absolute(),
-        PortAddress::Tcp { port, .. } => *port > 0,
+        PortAddress::Tcp { port, .. } | PortAddress::ModbusTcp { port, .. } => *port > 0,
     }
 }

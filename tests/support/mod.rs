@@ -318,6 +318,10 @@ impl Rig {
             last_ticket: 0,
             open: HashMap::new(),
         };
+        if !options.bus.framing.has_characters() {
+            // No silence has to pass first.
+            rig.settle();
+        }
         // The polls at the start are over before a scenario begins, and before anything goes wrong.
         rig.run_until(now + Duration::from_secs(10), |_, _| {});
         rig.sent.clear();
