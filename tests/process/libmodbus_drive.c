@@ -3,9 +3,9 @@
  *     libmodbus_drive PORT
  *
  * Registers are typed from the interface manual of the Hyundai N700: run at 0002, frequency at 0004, output frequency at
- * 0101, sources of frequency and run command (3: communication) at 0211 and 0212. The output follows at once. Every
- * register from 0220 on holds its own address, so that a reader sees whether it got the one that it asked for. It serves
- * one connection at a time, and prints each write.
+ * 0101, frequency setting at 0201, sources of frequency and run command (3: communication) at 0211 and 0212. The output
+ * follows at once. Every register from 0220 on holds its own address, so that a reader sees whether it got the one that
+ * it asked for. It serves one connection at a time, and prints each write.
  */
 
 #include <errno.h>
@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-enum { RUN = 0x0002, FREQUENCY = 0x0004, OUTPUT = 0x0101, SOURCES = 0x0211, OWN_FROM = 0x0220, REGISTERS = 0x0300 };
+enum { RUN = 0x0002, FREQUENCY = 0x0004, OUTPUT = 0x0101, SETTING = 0x0201, SOURCES = 0x0211, OWN_FROM = 0x0220, REGISTERS = 0x0300 };
 
 static void serve(modbus_t *ctx, modbus_mapping_t *map)
 {
@@ -35,6 +35,7 @@ static void serve(modbus_t *ctx, modbus_mapping_t *map)
             fflush(stdout);
         }
         uint16_t *words = map->tab_registers;
+        words[SETTING] = words[FREQUENCY];
         words[OUTPUT] = words[RUN] == 1 || words[RUN] == 2 ? words[FREQUENCY] : 0;
     }
 }

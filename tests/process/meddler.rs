@@ -1,11 +1,12 @@
 //! A way to a Modbus TCP server that cuts, resets, delays, doubles and swaps. It passes whole messages on and keeps them.
 
 use rustix::io::Errno;
+use rustix::net::sockopt::set_socket_linger;
 use rustix::net::{RecvFlags, recv};
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread;
 use std::time::Duration;
 
@@ -18,7 +19,7 @@ pub enum Way {
     Late(Duration),
     /// Each arrives twice.
     Twice,
-    /// Each second one is held back and arrives behind the next.
+    /// Each third one is held back and arrives behind the next.
     Swapped,
     /// Each seventh request is passed on, and the connection ends before its answer.
     CutBehind,
@@ -61,11 +62,11 @@ impl Meddler {
         let shared = Shared { way: Arc::clone(&way), requests: Arc::clone(&requests), open: Arc::clone(&open) };
         let seen = Arc::clone(&most);
         thread::spawn(move || {
-            let mut before: Vec<TcpStream> = Vec::new();
-            for client in listener.incoming().map_while(Result::ok) {
+            let mut before: Vec<Weak<TcpStream>> = Vec::new();
+            for client in listener.incoming().map_while(Result::ok).map(Arc::new) {
                 // On this machine the end of a connection arrives before whatever is begun after it.
-                before.retain(|earlier| !has_ended(earlier));
-                before.extend(client.try_clone());
+                before.retain(|earlier| earlier.upgrade().is_some_and(|earlier| !has_ended(&earlier)));
+                before.push(Arc::downgrade(&client));
                 seen.fetch_max(before.len(), Ordering::SeqCst);
                 shared.open.fetch_add(1, Ordering::SeqCst);
                 let shared = shared.clone();
@@ -125,26 +126,44 @@ fn message(stream: &mut impl Read) -> io::Result<Vec<u8>> {
     Ok(message)
 }
 
+/// How a connection ends.
+#[derive(PartialEq, Eq)]
+enum End {
+    Closed,
+    Reset,
+}
+
 /// Passes messages on until one side ends.
-fn pass(client: &TcpStream, server: &TcpStream, shared: &Shared) {
+fn pass(client: &Arc<TcpStream>, server: &TcpStream, shared: &Shared) {
     let _ = client.set_nodelay(true);
     let _ = server.set_nodelay(true);
-    let answers = (server.try_clone(), client.try_clone(), shared.clone());
-    let (Ok(from), Ok(to), of) = answers else { return };
+    let is_cut = Arc::new(AtomicBool::new(false));
+    let Ok(from) = server.try_clone() else { return };
+    let (to, of, cut) = (Arc::clone(client), shared.clone(), Arc::clone(&is_cut));
     let back = thread::spawn(move || {
-        let _ = pass_answers(from, &to, &of);
-        let _ = to.shutdown(Shutdown::Both);
+        let _ = pass_answers(from, &to, &of, &cut);
+        if !cut.load(Ordering::SeqCst) {
+            let _ = to.shutdown(Shutdown::Both);
+        }
     });
-    let _ = pass_requests(client, server, shared);
-    for side in [client, server] {
-        let _ = side.shutdown(Shutdown::Both);
-    }
+    let end = pass_requests(client, server, shared, &is_cut).unwrap_or(End::Closed);
+    let _ = server.shutdown(Shutdown::Both);
     let _ = back.join();
-    // The client has closed its end, or will notice before it connects again.
+    if end == End::Reset {
+        // With no time to linger the end is a reset.
+        let _ = set_socket_linger(client, Some(Duration::ZERO));
+    } else {
+        let _ = client.shutdown(Shutdown::Both);
+    }
     shared.open.fetch_sub(1, Ordering::SeqCst);
 }
 
-fn pass_requests(mut client: &TcpStream, mut server: &TcpStream, shared: &Shared) -> io::Result<()> {
+fn pass_requests(
+    mut client: &TcpStream,
+    mut server: &TcpStream,
+    shared: &Shared,
+    is_cut: &AtomicBool,
+) -> io::Result<End> {
     loop {
         let request = message(&mut client)?;
         let count = {
@@ -152,35 +171,38 @@ fn pass_requests(mut client: &TcpStream, mut server: &TcpStream, shared: &Shared
             requests.push(request[7..].to_vec());
             requests.len()
         };
-        match locked(&shared.way) {
-            Way::ResetBefore if count % 7 == 0 => {
-                // With no time to linger the end is a reset.
-                let _ = rustix::net::sockopt::set_socket_linger(client, Some(Duration::ZERO));
-                return Ok(());
-            }
-            Way::CutBehind if count % 7 == 0 => {
+        let way = locked(&shared.way);
+        let ends = count % 7 == 0;
+        is_cut.store(ends && matches!(way, Way::ResetBefore | Way::CutBehind), Ordering::SeqCst);
+        match way {
+            Way::ResetBefore if ends => return Ok(End::Reset),
+            Way::CutBehind if ends => {
                 server.write_all(&request)?;
+                // What the server answers goes nowhere.
                 thread::sleep(Duration::from_millis(2));
-                return Ok(());
+                return Ok(End::Closed);
             }
             _ => server.write_all(&request)?,
         }
     }
 }
 
-fn pass_answers(mut server: TcpStream, mut client: &TcpStream, shared: &Shared) -> io::Result<()> {
+fn pass_answers(mut server: TcpStream, mut client: &TcpStream, shared: &Shared, is_cut: &AtomicBool) -> io::Result<()> {
     let mut held: Option<Vec<u8>> = None;
     let mut count = 0;
     loop {
         let answer = message(&mut server)?;
         count += 1;
+        if is_cut.load(Ordering::SeqCst) {
+            continue;
+        }
         match locked(&shared.way) {
             Way::Late(time) => {
                 thread::sleep(time);
                 client.write_all(&answer)?;
             }
             Way::Twice => client.write_all(&[answer.clone(), answer].concat())?,
-            Way::Swapped if count % 2 == 0 && held.is_none() => held = Some(answer),
+            Way::Swapped if count % 3 == 0 && held.is_none() => held = Some(answer),
             Way::Swallowed => {}
             _ => {
                 let both = [answer, held.take().unwrap_or_default()].concat();

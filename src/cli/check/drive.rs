@@ -59,9 +59,9 @@ fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Re
     if line.framing.identifies_replies() {
         writeln!(
             text,
-            "    a reply is waited for up to {waits}; behind a converter that must be longer than the converter"
+            "    a reply is waited for up to {waits}, behind a converter longer than the converter's own time-out;"
         )?;
-        return writeln!(text, "    waits for the drive; a late one is mistaken for no other");
+        return writeln!(text, "    a late one is mistaken for no other");
     }
     let learned = if timeouts.learns { ", shorter once its reply times are known" } else { "" };
     writeln!(text, "    a reply is waited for up to {waits}{learned}")?;
