@@ -63,3 +63,12 @@ pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
         _ => Some(Ending::Reply(reply)),
     }
 }
+
+/// Whether `pdu` answers `request`, as its reply or as an exception.
+#[must_use]
+pub fn answers(request: &Request, pdu: &[u8]) -> bool {
+    match pdu {
+        [code, _] => *code == request.function() | function::EXCEPTION_BIT,
+        _ => request.reply_in(pdu).is_some(),
+    }
+}

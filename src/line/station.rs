@@ -1,9 +1,10 @@
 //! The line's state of one station: replies that may still arrive late, and how long it has been silent.
 
+use super::exchange::answers;
 use super::quiet::Quiet;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, RefusedWrite};
-use crate::wire::pdu::{Request, function};
+use crate::wire::pdu::Request;
 use std::time::Duration;
 
 /// Maximum number of missing replies remembered for one station; it is not asked again before the oldest is over.
@@ -371,16 +372,6 @@ impl StationState {
             ) => a == b && of_a.len() == of_b.len(),
             _ => false,
         }
-    }
-}
-
-/// Whether `pdu` looks like the reply to `request`, or its exception.
-/// Whether `pdu` answers `request`, as its reply or as an exception.
-#[must_use]
-pub fn answers(request: &Request, pdu: &[u8]) -> bool {
-    match pdu {
-        [code, _] => *code == request.function() | function::EXCEPTION_BIT,
-        _ => request.reply_in(pdu).is_some(),
     }
 }
 

@@ -11,6 +11,7 @@
 //! | `transmissions` | pending transmissions of the drives, and their collisions |
 //! | [`fault`] | seeded faults of replies |
 //! | [`report`] | counters of an observer on the wire |
+//! | `bus_options` | the behaviour of a bus |
 //! | [`bus`] | the half-duplex line: character times, turnaround, requests in, reply bytes out |
 //!
 //! The owner of a clock and a port drives a [`SimBus`] with three calls:
@@ -23,6 +24,7 @@
 //! Nothing here uses the rooms that it tests; both sides share only the model.
 
 pub mod bus;
+mod bus_options;
 pub mod drive;
 pub mod fault;
 mod incoming;
@@ -35,7 +37,8 @@ pub mod report;
 mod transmissions;
 pub mod trip;
 
-pub use bus::{BusOptions, Pacing, SimBus};
+pub use bus::SimBus;
+pub use bus_options::{BusOptions, Pacing};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
 pub use options::{BadRequest, DriveOptions, RefusedStops};
