@@ -154,10 +154,12 @@ fn line(report: &Value) -> String {
         of[key].as_str().unwrap_or("?")
     }
     let rates = &report["rates"];
+    // A line over Modbus TCP has no speed and no characters.
+    let has_none = report.get("link").is_some_and(Value::is_null);
+    let link = if has_none { String::new() } else { format!("{} on ", word(report, "link")) };
     let mut text = format!(
-        "line {} ({} on {}): {}, watched for {} s\n",
+        "line {} ({link}{}): {}, watched for {} s\n",
         word(report, "line"),
-        word(report, "link"),
         word(report, "port"),
         word(report, "state"),
         number(&report["observed_s"])
@@ -279,6 +281,8 @@ mod tests {
     fn what_another_version_does_not_say_is_not_made_up() {
         let told = text(&[json!({})]);
         assert!(told.starts_with("line ? (? on ?): ?, watched for - s\n"), "{told}");
+        let told = line(&json!({ "link": null, "port": "modbus-tcp://10.0.0.7:502" }));
+        assert!(told.starts_with("line ? (modbus-tcp://10.0.0.7:502): "), "{told}");
     }
 
     #[test]

@@ -18,6 +18,7 @@ use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::DriveView;
 use crate::line::barriers::Nonces;
 use crate::line::echo::EchoWatch;
+use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::{ReadJob, Schedule};
 use crate::line::timing::Timing;
 use crate::line::transaction::Wire;
@@ -372,7 +373,7 @@ impl LineCore {
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.health.is_mute = false;
         self.conclude(now, done);
-        if self.wire.is_out_of_step() {
+        if self.wire.is_out_of_step() && consequence(Fault::OutOfStep).reopens_port {
             self.on_port_down(now, LineFault::OutOfStep);
             self.effects.push_back(Effect::Reopen(LineFault::OutOfStep));
         }

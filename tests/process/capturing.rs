@@ -32,6 +32,25 @@ impl Hall {
         let port = place.file("line");
         let drive = start(&[&["simulate", "--model", model, "--link", port.to_str().unwrap()], simulate].concat());
         drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        let port = port.display().to_string();
+        Self::before(place, drive, &port, (model, poll, line))
+    }
+
+    /// The N700 behind a Modbus TCP server.
+    fn over_modbus_tcp() -> Self {
+        let place = Place::new();
+        std::fs::create_dir(place.file("data")).unwrap();
+        let model = "hyundai-n700";
+        let drive = start(&["simulate", "--model", model, "--framing", "modbus-tcp", "--tcp", "127.0.0.1:0"]);
+        let port = drive.wait_for("where it listens", |line| {
+            let (_, rest) = line.split_once(" on modbus-tcp://")?;
+            Some(format!("modbus-tcp://{}", rest.split(',').next()?))
+        });
+        Self::before(place, drive, &port, (model, "200ms", ""))
+    }
+
+    /// A gateway before `drive` at `port`, with its model, its poll and the keys of its line.
+    fn before(place: Place, drive: Started, port: &str, (model, poll, line): (&str, &str, &str)) -> Self {
         let text = format!(
             "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
              write = [\"127.0.0.1/32\"]\n\n[[line]]\nname = \"hall-1\"\nport = \"{}\"\n{line}\n\n\
@@ -40,7 +59,7 @@ impl Hall {
              directions = [\"forward\"]\non_commander_lost = \"stop\"\nlost_after = \"60s\"\non_shutdown = \"stop\"\n\
              accept_unverified = [\"basic\"]\n",
             place.file("data").display(),
-            port.display()
+            port
         );
         let file = place.write("gateway.toml", &text);
         let gateway = start(&["run", "-c", file.to_str().unwrap()]);
@@ -253,6 +272,23 @@ fn frames_of_an_ascii_line_are_text_with_our_words() {
         assert!(row["exported_pdu.exported_pdu"].starts_with("3a"), "begins with a colon: {row:?}");
         assert!(row["frame.comment"].contains("pump-1"), "{row:?}");
     }
+}
+
+#[test]
+fn messages_of_a_modbus_tcp_line_are_decoded_by_tshark() {
+    let hall = Hall::over_modbus_tcp();
+    let capture = hall.capturing(&[]);
+    hall.command();
+    until("the file shows the write", PATIENCE, || hall.shows_the_write());
+    let frames = ended(capture);
+    let rows = rows(&hall.out(), &[]);
+    assert_eq!(rows.len() as u64, frames);
+    for row in &rows {
+        assert_eq!(row["frame.protocols"], "exported_pdu:mbtcp:modbus", "{row:?}");
+        assert_eq!(row["_ws.malformed"], "", "{row:?}");
+    }
+    let wrote = rows.iter().filter(|row| row["modbus.func_code"] == "6").count();
+    assert!(wrote >= 6, "three writes and their replies: {wrote}");
 }
 
 #[test]
