@@ -220,7 +220,7 @@ impl Book {
     #[must_use]
     pub fn len(&self) -> usize {
         let memory = self.touched.len() + self.used.len() + self.forgotten.len();
-        self.audit.len() + self.events.len() + self.availability.len() + memory + self.days.len()
+        self.audit.len() + self.events.len() + self.availability.len() + memory + self.days.count()
     }
 
     /// Whether no row is waiting.

@@ -98,7 +98,7 @@ impl Days {
 
     /// How many wait.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.touched.len()
     }
 
@@ -159,7 +159,7 @@ mod tests {
     fn a_day_is_written_as_a_whole_with_what_the_file_holds() {
         let mut days = Days::default();
         days.add(&pump(), Day(3), DayUsage::default());
-        assert_eq!(days.len(), 0, "nothing was used");
+        assert_eq!(days.count(), 0, "nothing was used");
         days.add(&pump(), Day(3), used());
         assert_eq!(days.unread(), [(pump(), Day(3))]);
         days.read(&(pump(), Day(3)), UsageTotals { energy_mj: 100, ..UsageTotals::default() });

@@ -106,7 +106,7 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     })
     .in_unit("joules"),
     counter("drive_running", "Time in which the motor ran.", |view: &DriveView| {
-        view.usage.parts.has(UsagePart::RunningHours).then(|| view.usage.totals.running.as_secs())
+        view.usage.parts.has(UsagePart::RunningHours).then_some(view.usage.totals.running.as_secs())
     })
     .in_unit("seconds"),
     counter("drive_starts", "How often the motor began to run.", |view| {
