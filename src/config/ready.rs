@@ -17,7 +17,7 @@ use ipnet::{IpNet, Ipv4Net};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -151,6 +151,13 @@ impl PortAddress {
             Self::Device(_) => None,
             Self::Tcp { host, port } | Self::ModbusTcp { host, port } => Some((host, *port)),
         }
+    }
+
+    /// Which device or server it is, whatever framing it is used with.
+    #[must_use]
+    pub fn place(&self) -> (Option<&Path>, Option<(&str, u16)>) {
+        let device = if let Self::Device(path) = self { Some(path.as_path()) } else { None };
+        (device, self.network())
     }
 
     /// Whether it is a serial line, here or behind a device server: with characters, and a speed.

@@ -6,7 +6,8 @@ use super::link::{self, OnLine, Settled};
 use super::mqtt::Defaults;
 use super::qualified::{FILE_NAME, Qualified, Standing};
 use super::ready::{
-    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, Removal, Silence,
+    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, PortAddress, Removal,
+    Silence,
 };
 use super::units::{self, Units};
 use super::{
@@ -150,11 +151,23 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     let ports = file.lines.iter().filter_map(|line| line.port.as_ref());
     let ports = ports.chain(file.serial.iter().filter_map(|serial| serial.port.as_ref()));
     let master_names = file.serial.iter().filter_map(|serial| serial.name.as_ref());
-    once(master_names, |name| format!("the name `{name}`"), "a name that no other serial master uses", problems);
-    once(line_names, |name| format!("the name `{name}`"), "a name that no other line uses", problems);
-    once(drive_names, |name| format!("the name `{name}`"), "a name that no other drive of the gateway uses", problems);
+    once(
+        master_names,
+        |name| name,
+        |name| format!("the name `{name}`"),
+        "a name that no other serial master uses",
+        problems,
+    );
+    once(line_names, |name| name, |name| format!("the name `{name}`"), "a name that no other line uses", problems);
+    once(
+        drive_names,
+        |name| name,
+        |name| format!("the name `{name}`"),
+        "a name that no other drive of the gateway uses",
+        problems,
+    );
     let right = "a different port; drives on one bus belong to one line";
-    once(ports, |port| format!("the port {port}"), right, problems);
+    once(ports, PortAddress::place, |port| format!("the port {port}"), right, problems);
     let model_dirs = file.gateway.model_dirs.valid().map_or(&[][..], |dirs| &dirs.value);
     for (at, dir) in model_dirs.iter().enumerate() {
         if model_dirs.iter().take(at).any(|earlier| earlier.value == dir.value) {
@@ -164,16 +177,19 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
     }
 }
 
-fn once<'a, T: Ord + 'a>(
+/// Each of `values` has a key of its own.
+fn once<'a, T: 'a, K: Ord>(
     values: impl Iterator<Item = &'a Spanned<T>>,
+    key: impl Fn(&'a T) -> K,
     called: impl Fn(&T) -> String,
     right: &str,
     problems: &mut Vec<Problem>,
 ) {
-    let mut seen: BTreeMap<&T, &Location> = BTreeMap::new();
+    let mut seen: BTreeMap<K, &Location> = BTreeMap::new();
     for written in values {
-        let Some(first) = seen.get(&written.value) else {
-            seen.insert(&written.value, &written.location);
+        let key = key(&written.value);
+        let Some(first) = seen.get(&key) else {
+            seen.insert(key, &written.location);
             continue;
         };
         let what = format!("{} is taken by {}", called(&written.value), first.key);

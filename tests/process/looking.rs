@@ -333,11 +333,26 @@ fn a_trip_is_shown_and_reset() {
     browser.wait("document.getElementById('assertive').textContent.includes('pump-1 tripped')");
     browser.click("#tab-journal");
     browser.wait_for_text("#journal tbody", "trip");
+    shows_what_was_used(&browser);
     browser.hold(&mark(&browser, "Reset"));
     browser.wait_for_text(&in_card(".state"), "STOPPED");
     shop.drive.type_line("");
     browser.wait_for_text(&in_card(".notes"), "1 such trip before, at ");
     assert_eq!(browser.complaints(), Vec::<String>::new());
+}
+
+/// The sums of the drive are on its card, and its days are a file.
+fn shows_what_was_used(browser: &Browser) {
+    let card = "document.querySelector('#drive-pump-1 .others').textContent";
+    for (label, sum) in [("Starts", 1), ("Trips in total", 1)] {
+        browser.wait(&format!("{card}.includes('{label}{sum}')"));
+    }
+    browser.script(
+        "const drive = document.querySelectorAll('#journal select')[1]; drive.value = 'pump-1'; \
+         drive.dispatchEvent(new Event('change'))",
+    );
+    let link = "document.querySelector('#journal [download=\"usage.csv\"]')";
+    browser.wait(&format!("{link}.checkVisibility() && {link}.href.endsWith('/api/v1/usage?drive=pump-1&format=csv')"));
 }
 
 /// Where an element is inside another one: left, top, width, height.

@@ -118,6 +118,11 @@ fn the_same_server_stands_once_with_or_without_its_port() {
          bus belong to one line",
     );
     good(&with(&text, "/dev/ttyUSB1", "modbus-tcp://press.example:503"));
+    only(
+        &with(&text, "/dev/ttyUSB1", "tcp://press.example:502"),
+        "line[1].port: the port tcp://press.example:502 is taken by line[0].port; a different port; drives on one bus \
+         belong to one line",
+    );
 }
 
 #[test]

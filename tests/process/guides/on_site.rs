@@ -17,6 +17,7 @@ fn the_guide_to_a_real_drive_works() {
         ("ls -l /dev/serial/by-id/", "there is no adapter"),
         ("sudo ", HOST),
         ("connection: &hall-1", "it is for ser2net at another host: `network` runs ser2net with it"),
+        ("[[line]]\nname = \"press\"", "there is no such server: `modbus_tcp_drives` has some"),
         ("vfd-gateway qualify pump-1  ", "a person says what the panel shows: `qualifying` does"),
     ];
     let place = Place::new();

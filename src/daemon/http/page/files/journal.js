@@ -1,6 +1,6 @@
 // Trips and audit: what the journal keeps, filtered, and to be taken away as a file.
 
-import { attribute, h, text } from "./dom.js";
+import { attribute, h, show, text } from "./dom.js";
 import { choices, document_at, labelled, query, table } from "./fetched.js";
 import { moment, t, words } from "./texts.js";
 
@@ -22,6 +22,7 @@ export class Journal {
     this.since.value = "24h";
     this.csv = h("a", { download: "journal.csv" }, "CSV");
     this.json = h("a", { download: "journal.json" }, "JSON");
+    this.used = h("a", { download: "usage.csv", hidden: true }, t("journal.used"));
     this.message = h("p", { class: "message", role: "status" });
     const { element: shown, body, row } = table(t("tab.journal"), HEADINGS);
     this.body = body;
@@ -35,7 +36,7 @@ export class Journal {
         labelled(t("heading.drive"), this.drive),
         labelled(t("journal.since"), this.since),
         h("button", { type: "button", class: "plain", click: change }, t("journal.refresh")),
-        h("span", { class: "export" }, `${t("export")}: `, this.csv, " ", this.json),
+        h("span", { class: "export" }, `${t("export")}: `, this.csv, " ", this.json, " ", this.used),
       ),
       this.message,
       h("div", { class: "scroll" }, shown),
@@ -69,6 +70,9 @@ export class Journal {
     const path = this.path(SHOWN, "json");
     attribute(this.csv, "href", this.path(EXPORTED, "csv"));
     attribute(this.json, "href", this.path(EXPORTED, "json"));
+    const drive = this.drive.value;
+    show(this.used, drive !== "");
+    attribute(this.used, "href", query("api/v1/usage", { drive, format: "csv" }));
     const { answer, error } = await document_at(path, this.element);
     if (path !== this.path(SHOWN, "json")) return;
     const rows = answer?.rows ?? [];
