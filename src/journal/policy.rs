@@ -1,5 +1,5 @@
 //! What is deleted when the journal has reached its size: audit before availability, availability before trips, oldest
-//! rows first.
+//! rows first. What was used on each day gives way before all of them if it takes more than its part.
 
 use super::row::Table;
 
@@ -9,6 +9,17 @@ const ROW_BYTES: u64 = 512;
 const LEAST_PART: u64 = 16;
 /// Minimum number of rows deleted at once, so that a full journal is not cut at every row.
 const CUT_MIN: u64 = 64;
+
+/// Assumed size of what a drive used on one day, in bytes.
+const DAY_BYTES: u64 = 160;
+/// What drives have used may take this fraction (1/n) of the size.
+const DAYS_PART: u64 = 4;
+
+/// How many days, of all drives together, may stay in a full journal of at most `most` bytes.
+#[must_use]
+pub const fn most_days(most: u64) -> u64 {
+    most / DAYS_PART / DAY_BYTES
+}
 
 /// The number of rows of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

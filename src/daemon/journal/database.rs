@@ -306,6 +306,9 @@ impl Database {
                 }
                 break;
             }
+            if days::cut(&self.connection, policy::most_days(self.most_bytes))? {
+                continue;
+            }
             let rows = |table: Table| {
                 let count = format!("SELECT max(number) - min(number) + 1 FROM {}", table.name());
                 self.connection.query_row(&count, [], |row| row.get::<_, Option<u64>>(0))

@@ -78,6 +78,18 @@ pub(super) fn put(transaction: &Transaction<'_>, name: &str, day: Day, usage: &D
     transaction.execute(cut, params![name, DAYS_MAX]).map(drop)
 }
 
+/// Deletes the oldest days of all drives if there are more than `most` rows. Returns whether there were.
+///
+/// # Errors
+/// SQLite's.
+pub(super) fn cut(connection: &Connection, most: u64) -> Result<bool, Error> {
+    if connection.query_row("SELECT count(*) FROM day", [], |row| row.get::<_, u64>(0))? <= most {
+        return Ok(false);
+    }
+    let cut = "DELETE FROM day WHERE day <= (SELECT day FROM day ORDER BY day DESC LIMIT 1 OFFSET ?)";
+    Ok(connection.execute(cut, [most])? > 0)
+}
+
 /// Recovers the sound days of the damaged file at `old`, as far as they can be read.
 ///
 /// # Errors
@@ -171,6 +183,21 @@ mod tests {
         let days = all(&connection, Some("pump-1"));
         assert_eq!((days.len(), days[0].1), (DAYS_MAX as usize, 12));
         assert_eq!(all(&connection, Some("fan-2")).len(), 1);
+    }
+
+    #[test]
+    fn in_a_full_journal_the_oldest_days_of_all_drives_give_way() {
+        let directory = Dir::new();
+        let mut connection = made(&directory.join("journal.db"));
+        for name in ["pump-1", "fan-2", "mill-3"] {
+            write(&mut connection, name, 0..100);
+        }
+        assert!(!cut(&connection, 300).unwrap());
+        assert!(cut(&connection, 30).unwrap());
+        let days = all(&connection, None);
+        assert_eq!((days.len(), days[0].1), (30, 90));
+        assert!(!cut(&connection, 30).unwrap(), "once is enough");
+        assert!(cut(&connection, 0).unwrap() && all(&connection, None).is_empty());
     }
 
     #[test]
