@@ -81,3 +81,34 @@ pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
     }
     Ok(if is_new { Made::New } else { Made::Found })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A journal as version 1 left it, with a trip that no broker has taken and a drive.
+    fn of_version_1() -> Connection {
+        let connection = Connection::open_in_memory().unwrap();
+        connection.execute_batch(STEPS[0]).unwrap();
+        connection.pragma_update(None, "application_id", APPLICATION).unwrap();
+        connection.pragma_update(None, "user_version", 1).unwrap();
+        let rows = "INSERT INTO event (number, at, kind, body, crc) VALUES (7, 1, 'tripped', '{}', 2);
+                    INSERT INTO drive VALUES ('pump-1', '{}', 3);
+                    INSERT INTO meta VALUES ('session', 'first');";
+        connection.execute_batch(rows).unwrap();
+        connection
+    }
+
+    #[test]
+    fn a_journal_of_an_earlier_version_keeps_its_rows_and_gets_what_is_new() {
+        let mut connection = of_version_1();
+        assert_eq!(make(&mut connection, "second").unwrap(), Made::Found);
+        let number = |sql: &str| connection.query_row(sql, [], |row| row.get::<_, i64>(0)).unwrap();
+        assert_eq!(number("SELECT number FROM event WHERE taken = 0"), 7);
+        assert_eq!(number("SELECT crc FROM drive WHERE name = 'pump-1'"), 3);
+        assert_eq!(number("SELECT value = 'first' FROM meta WHERE key = 'session'"), 1, "numbers go on");
+        assert_eq!(number("SELECT count(*) FROM day"), 0);
+        assert_eq!(number("SELECT user_version FROM pragma_user_version"), VERSION);
+        assert_eq!(make(&mut connection, "third").unwrap(), Made::Found, "once is enough");
+    }
+}
