@@ -134,16 +134,6 @@ pub fn configuration(path: &Path) -> Result<Config, Failure> {
     loaded.map_err(|found| Failure::wrong(drawn(&found)))
 }
 
-/// The data directory that the configuration at `path` names.
-///
-/// # Errors
-/// Those of [`configuration`], or it names none.
-pub fn data_dir(path: &Path) -> Result<PathBuf, Failure> {
-    configuration(path)?.gateway.data_dir.ok_or_else(|| {
-        Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no journal", path.display()))
-    })
-}
-
 /// Reads a configuration as [`configuration`] does: its content, or all its problems and those of the model files. Its
 /// text is returned with it.
 ///

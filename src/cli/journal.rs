@@ -1,6 +1,7 @@
 //! `journal`: shows what the gateway has recorded, also while it runs.
 
-use super::{Failure, input, print};
+use super::data_dir::DataDirArgs;
+use super::{Failure, print};
 use crate::daemon::host::clock;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
@@ -10,7 +11,6 @@ use crate::daemon::journal::search::{Merged, Since, Wanted};
 use crate::journal::Table;
 use rusqlite::ErrorCode;
 use std::collections::VecDeque;
-use std::path::PathBuf;
 
 /// Rows that are shown if neither a number nor a start is given.
 const LAST_USUAL: usize = 100;
@@ -23,12 +23,8 @@ pub struct Args {
     /// What is shown
     #[arg(value_enum, default_value_t = Which::All)]
     which: Which,
-    /// The gateway's configuration file: the journal is in the data directory that it names
-    #[arg(short, long, value_name = "FILE", conflicts_with = "data_dir")]
-    config: Option<PathBuf>,
-    /// The gateway's data directory
-    #[arg(long, value_name = "DIR", default_value = "/var/lib/vfd-gateway")]
-    data_dir: PathBuf,
+    #[command(flatten)]
+    place: DataDirArgs,
     /// Only rows about this drive
     #[arg(long, value_name = "NAME")]
     drive: Option<String>,
@@ -61,10 +57,7 @@ enum Which {
 
 /// Prints the rows, oldest first.
 pub fn journal(args: &Args) -> Result<(), Failure> {
-    let path = match &args.config {
-        Some(config) => file_in(&input::data_dir(config)?),
-        None => file_in(&args.data_dir),
-    };
+    let path = file_in(&args.place.path()?);
     if !path.exists() {
         return Err(Failure::failed(format!("{}: there is no journal", path.display())));
     }

@@ -6,6 +6,7 @@ mod certificate;
 mod check;
 mod client;
 mod completions;
+mod data_dir;
 pub mod demo;
 mod diagnose;
 mod doctor;

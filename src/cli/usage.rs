@@ -1,9 +1,10 @@
 //! `usage`: shows what drives have used, in all and on each day, or sets the sums of one back to 0.
 
+use super::data_dir::DataDirArgs;
 use super::enable::ask_for_consent;
 use super::setup::unknown;
 use super::socket::{self, Question};
-use super::{Failure, input, print};
+use super::{Failure, print};
 use crate::daemon::http::socket::SOCKET_NAME;
 use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::file_in;
@@ -12,7 +13,7 @@ use crate::domain::ids::Name;
 use axum::http::{Method, StatusCode};
 use serde_json::Value;
 use std::collections::{BTreeMap, VecDeque};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// Days that are shown of each drive by default.
@@ -25,12 +26,8 @@ const PATIENCE: Duration = Duration::from_secs(10);
 pub struct Args {
     /// Name of the drive; default: all drives
     drive: Option<String>,
-    /// The gateway's configuration file: the journal is in the data directory that it names
-    #[arg(short, long, value_name = "FILE", conflicts_with = "data_dir")]
-    config: Option<PathBuf>,
-    /// The gateway's data directory
-    #[arg(long, value_name = "DIR", default_value = "/var/lib/vfd-gateway")]
-    data_dir: PathBuf,
+    #[command(flatten)]
+    place: DataDirArgs,
     /// The newest days of each drive, at most this many; default: 14, or all with --csv and --json
     #[arg(long, value_name = "N")]
     days: Option<usize>,
@@ -50,7 +47,7 @@ pub struct Args {
 
 /// Prints the days of each drive, oldest first, or resets the sums of one.
 pub fn usage(args: &Args) -> Result<(), Failure> {
-    let directory = args.directory()?;
+    let directory = args.place.path()?;
     match (&args.drive, args.reset) {
         (Some(drive), true) => reset(&directory, drive, args.yes),
         _ => show(&directory, args),
@@ -135,13 +132,6 @@ fn words(sums: &Value) -> String {
     let parts = [("energy_kwh", "kWh"), ("running_hours", "h"), ("starts", "starts"), ("trips", "trips")];
     let known = parts.iter().filter(|(key, _)| !sums[key].is_null());
     known.map(|(key, unit)| format!("{} {unit}", sums[key])).collect::<Vec<_>>().join(", ")
-}
-
-impl Args {
-    fn directory(&self) -> Result<PathBuf, Failure> {
-        let Some(config) = &self.config else { return Ok(self.data_dir.clone()) };
-        input::data_dir(config)
-    }
 }
 
 #[cfg(test)]

@@ -60,8 +60,8 @@ impl LineSetup {
         })
     }
 
-    /// The wire of the line, on which nothing has been received up to `now`. Numbers of requests begin anew with each
-    /// start of the gateway, in a different place.
+    /// The wire of the line, on which nothing has been received up to `now`. Each start of the
+    /// gateway numbers its requests from another place.
     pub(super) fn wire(&self, now: MonoTime) -> Wire {
         let mut wire = Wire::new(self.timing, now);
         wire.number_from(Nonces::new(self.first_epoch).peek());

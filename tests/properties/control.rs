@@ -198,7 +198,7 @@ fn observe(options: &RigOptions, plans: [&'static str; 4], steps: Vec<Step>) -> 
     observed.rig.bus.set_powered(now, Station(1), true);
     observed.rig.pass(Duration::from_secs(60));
     observed.check()?;
-    // Nobody is left who gave a sign of life: whatever was started here has been stopped.
+    // Every lease has ended: whatever was started here has been stopped.
     let was_stopped = !observed.rig.notes.iter().any(|(_, note)| matches!(note, Note::StopDropped));
     prop_assert!(!was_stopped || observed.rig.output(1) == 0, "it still turns");
     prop_assert!(observed.rig.view(0).control.is_some_and(|control| !control.command_pending));

@@ -88,7 +88,7 @@ impl Journal {
             Entry::Usage(usage) => {
                 let before = std::mem::replace(&mut memory.usage, *usage).totals;
                 let now = usage.totals;
-                // Nobody resets them here.
+                // They are never reset here.
                 let is_less = now.energy_mj < before.energy_mj || now.running < before.running;
                 assert!(
                     !is_less && now.starts >= before.starts && now.trips >= before.trips,

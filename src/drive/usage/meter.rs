@@ -70,7 +70,7 @@ impl UsageMeter {
             seen_at: None,
             ran: None,
             totals: UsageTotals::default(),
-            kept: (KeptUsage::default(), MonoTime::ZERO),
+            kept: (KeptUsage { energy_from: EnergySource::of(model), ..KeptUsage::default() }, MonoTime::ZERO),
         }
     }
 
@@ -81,7 +81,8 @@ impl UsageMeter {
             counter.last_mj = kept.counter_mj;
             counter.between_mj = kept.between_mj;
         }
-        self.kept.0 = kept;
+        // The model may be another one now.
+        self.kept.0 = KeptUsage { energy_from: self.kept.0.energy_from, ..kept };
     }
 
     /// The sums.
@@ -125,22 +126,16 @@ impl UsageMeter {
     }
 
     /// Sets all sums back to 0.
-    pub const fn reset(&mut self) {
-        self.totals = UsageTotals { energy_mj: 0, running: Duration::ZERO, starts: 0, trips: 0 };
+    pub fn reset(&mut self) {
+        self.totals = UsageTotals::default();
     }
 
     /// What is to be kept at `now`, if it has changed and the last time is at least `after` ago.
     pub fn take_unkept(&mut self, now: MonoTime, after: Duration) -> Option<KeptUsage> {
         let counter_mj = self.counter.as_ref().and_then(|counter| counter.last_mj);
-        let energy_from = match (&self.counter, &self.power) {
-            (Some(_), _) => Some(EnergySource::Counter),
-            (None, power) => power.as_ref().map(|_| EnergySource::Power),
-        };
         let between_mj = self.counter.as_ref().map_or(0, |counter| counter.between_mj);
-        let usage = KeptUsage { totals: self.totals, counter_mj, between_mj, energy_from };
-        let KeptUsage { totals, counter_mj: kept_mj, .. } = self.kept.0;
-        let has_changed = (usage.totals, usage.counter_mj) != (totals, kept_mj);
-        let is_due = has_changed && now.since(self.kept.1) >= after;
+        let usage = KeptUsage { totals: self.totals, counter_mj, between_mj, ..self.kept.0 };
+        let is_due = usage != self.kept.0 && now.since(self.kept.1) >= after;
         is_due.then(|| {
             self.kept = (usage, now);
             usage

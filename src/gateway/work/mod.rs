@@ -2,6 +2,7 @@
 
 mod again;
 mod command;
+mod durable;
 mod exchange;
 mod leaving;
 mod looks;

@@ -1,5 +1,6 @@
 //! Journal rows of a drive, and the work that waits for them.
 
+use super::durable::Durable;
 use super::{DriveWork, Out};
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
@@ -9,7 +10,6 @@ use crate::gateway::event::Effect;
 use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::journal::{Entry, Remembered, RowNumber};
-use std::collections::VecDeque;
 use std::time::Duration;
 
 /// Maximum time for which a reset, or a run order that opens a lease, waits for its row. Control takes precedence over
@@ -29,9 +29,7 @@ pub(super) struct Opening {
 /// Trips, as far as their rows are durable.
 #[derive(Debug, Default)]
 pub(super) struct DurableTrips {
-    shown: KeptTrips,
-    /// Snapshots to show once these rows are durable.
-    unkept: VecDeque<(RowNumber, KeptTrips)>,
+    pictures: Durable<KeptTrips, UNKEPT_MAX>,
     /// The baseline in the last row.
     said: TripBaseline,
     /// Trips of previous runs, and the number of the newest.
@@ -47,27 +45,7 @@ impl DurableTrips {
         self.code_before = remembered.last_code;
         let total = self.total_before;
         let last_code = self.code_before;
-        self.shown = KeptTrips { count: self.said.count, total, last: None, last_code };
-    }
-
-    /// Adds a snapshot to show once `row` is durable; without a row, at once, unless others are pending.
-    fn show(&mut self, row: Option<RowNumber>, picture: KeptTrips) {
-        let is_full = self.unkept.len() >= UNKEPT_MAX;
-        match (row, self.unkept.back_mut()) {
-            (None, None) => self.shown = picture,
-            (None, Some(newest)) => newest.1 = picture,
-            (Some(row), Some(newest)) if is_full => *newest = (row, picture),
-            (Some(row), _) => self.unkept.push_back((row, picture)),
-        }
-    }
-
-    /// Everything up to `row` is durable. Returns whether that changes what is shown.
-    fn kept(&mut self, row: RowNumber) -> bool {
-        let before = self.unkept.len();
-        while let Some((_, picture)) = self.unkept.pop_front_if(|(it, _)| *it <= row) {
-            self.shown = picture;
-        }
-        self.unkept.len() != before
+        self.pictures = Durable::new(KeptTrips { count: self.said.count, total, last: None, last_code });
     }
 }
 
@@ -75,13 +53,13 @@ impl DriveWork {
     /// Its trips, as far as their rows are durable.
     #[must_use]
     pub const fn trips_kept(&self) -> &KeptTrips {
-        &self.kept.shown
+        self.kept.pictures.shown()
     }
 
     /// Everything up to `row` is durable.
     pub fn kept(&mut self, row: RowNumber) {
-        self.has_changed |= self.kept.kept(row);
-        self.has_changed |= self.usage.kept(row);
+        self.has_changed |= self.kept.pictures.kept(row);
+        self.has_changed |= self.usage.totals.kept(row);
         self.opening.take_if(|opening| opening.row <= row);
     }
 
@@ -135,7 +113,7 @@ impl DriveWork {
             row = out.keep(self.drive, entry);
         }
         if let Some(picture) = self.kept.new_picture(&self.trips, out.keeps()) {
-            self.kept.show(row, picture);
+            self.kept.pictures.show(row, picture);
         }
     }
 
@@ -160,7 +138,7 @@ impl DurableTrips {
     /// The snapshot of `trips` to show, if it is new. Without a journal it is the current state.
     fn new_picture(&self, trips: &TripWatch, keeps: bool) -> Option<KeptTrips> {
         let view = trips.view();
-        let newest = self.unkept.back().map_or(&self.shown, |(_, picture)| picture);
+        let newest = self.pictures.newest();
         let count = if keeps { self.said.count } else { view.count };
         let total = self.total_before.saturating_add(view.seen);
         let is_shown = newest.count == count && newest.total == total && newest.last == view.last;

@@ -16,7 +16,7 @@ impl DriveWork {
     /// What it has used, as it is shown.
     #[must_use]
     pub const fn usage_view(&self) -> UsageView {
-        self.usage.shown
+        self.usage.view()
     }
 
     /// Words were read from the drive at `read_at`, and `snapshot` has them.
@@ -70,7 +70,7 @@ impl DriveWork {
     fn keep_usage_after(&mut self, after: Duration, out: Out<'_>) {
         if let Some(usage) = self.usage.meter.take_unkept(out.now(), after) {
             let row = out.keep(self.drive, Entry::Usage(usage));
-            self.usage.show(row, usage.totals);
+            self.usage.totals.show(row, usage.totals);
         }
     }
 }

@@ -14,3 +14,36 @@ pub fn fresh(document: &Value) -> Response {
 pub fn wrong(status: StatusCode, what: impl Into<String>) -> Response {
     (status, json(&json!({ "error": what.into() }))).into_response()
 }
+
+/// There is no journal to read.
+pub fn no_journal() -> Response {
+    wrong(StatusCode::NOT_FOUND, "there is no journal: it needs `data_dir` in [gateway]")
+}
+
+/// As many clients read the journal as may at once.
+pub fn too_many_readers() -> Response {
+    wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading the journal; try again in a moment")
+}
+
+/// The form of an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// One document.
+    Json,
+    /// Rows with commas.
+    Csv,
+}
+
+impl Format {
+    /// The form that `format` of a query names: JSON without one.
+    ///
+    /// # Errors
+    /// What would be right, for people.
+    pub fn named(word: Option<&str>) -> Result<Self, String> {
+        match word {
+            None | Some("json") => Ok(Self::Json),
+            Some("csv") => Ok(Self::Csv),
+            Some(other) => Err(format!("unknown `format={other}`; expected json or csv")),
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! Rows of the journal for HTTP clients, read on other threads and bounded in number.
 
 use super::Live;
-use super::answers::wrong;
+use super::answers::{Format, no_journal, too_many_readers, wrong};
 use super::query::Query;
 use crate::daemon::host::clock;
 use crate::daemon::http::taking::PIECE_BYTES;
@@ -29,13 +29,6 @@ const LAST_USUAL: usize = 200;
 const LAST_MAX: usize = 10_000;
 const KEYS: [&str; 5] = ["table", "drive", "since", "last", "format"];
 
-/// The form of an answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    Json,
-    Csv,
-}
-
 /// A parsed query.
 #[derive(Debug)]
 struct JournalQuery {
@@ -50,10 +43,10 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
     };
     let Some(journal) = &live.state.journal else {
-        return wrong(StatusCode::NOT_FOUND, "there is no journal: it needs `data_dir` in [gateway]");
+        return no_journal();
     };
     let Ok(place) = Arc::clone(&live.readers).try_acquire_owned() else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading the journal; try again in a moment");
+        return too_many_readers();
     };
     let path = journal.file().to_owned();
     let format = asked.format;
@@ -80,11 +73,7 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
         Some(Ok(last)) if (1..=LAST_MAX).contains(&last) => last,
         Some(_) => return Err(format!("`last` is a number from 1 to {LAST_MAX}")),
     };
-    let format = match query.get("format") {
-        None | Some("json") => Format::Json,
-        Some("csv") => Format::Csv,
-        Some(other) => return Err(format!("unknown `format={other}`; expected json or csv")),
-    };
+    let format = Format::named(query.get("format"))?;
     let wanted = Wanted {
         tables,
         drive: query.get("drive").map(str::to_owned),

@@ -1,7 +1,7 @@
 //! What a drive used on each day, for HTTP clients.
 
 use super::Live;
-use super::answers::{fresh, wrong};
+use super::answers::{Format, fresh, no_journal, too_many_readers, wrong};
 use super::query::Query;
 use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::reader::connect;
@@ -15,20 +15,20 @@ use std::sync::Arc;
 
 /// The days of one drive, oldest first. There are so few that they fit into one piece.
 pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
-    let (drive, is_csv) = match asked(query.as_deref()) {
+    let (drive, format) = match asked(query.as_deref()) {
         Ok(asked) => asked,
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
     };
     let Some(journal) = &live.state.journal else {
-        return wrong(StatusCode::NOT_FOUND, "there is no journal: it needs `data_dir` in [gateway]");
+        return no_journal();
     };
     let Ok(_place) = live.readers.try_acquire() else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading the journal; try again in a moment");
+        return too_many_readers();
     };
     let path = journal.file().to_owned();
     let read = tokio::task::spawn_blocking(move || rows(&path, &drive)).await;
     match read {
-        Ok(Ok(rows)) if is_csv => {
+        Ok(Ok(rows)) if format == Format::Csv => {
             let lines: String = rows.iter().map(DayRow::in_csv).collect();
             let kind = [(header::CONTENT_TYPE, "text/csv; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
             (kind, COLUMNS.to_owned() + &lines).into_response()
@@ -39,16 +39,11 @@ pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     }
 }
 
-/// The drive, and whether CSV is wanted.
-fn asked(query: Option<&str>) -> Result<(String, bool), String> {
+/// The drive, and the form of the answer.
+fn asked(query: Option<&str>) -> Result<(String, Format), String> {
     let query = Query::read(query, &["drive", "format"])?;
     let drive = query.get("drive").ok_or_else(|| "`drive=NAME` is missing".to_owned())?;
-    let is_csv = match query.get("format") {
-        None | Some("json") => false,
-        Some("csv") => true,
-        Some(other) => return Err(format!("unknown `format={other}`; expected json or csv")),
-    };
-    Ok((drive.to_owned(), is_csv))
+    Ok((drive.to_owned(), Format::named(query.get("format"))?))
 }
 
 fn rows(path: &Path, drive: &str) -> Result<Vec<DayRow>, Error> {

@@ -1,0 +1,28 @@
+//! Where a gateway keeps its data, for commands that read it whether the gateway runs or not.
+
+use super::{Failure, input};
+use std::path::PathBuf;
+
+/// The data directory, by itself or by the configuration that names it.
+#[derive(Debug, clap::Args)]
+pub struct DataDirArgs {
+    /// The gateway's configuration file: the journal is in the data directory that it names
+    #[arg(short, long, value_name = "FILE", conflicts_with = "data_dir")]
+    config: Option<PathBuf>,
+    /// The gateway's data directory
+    #[arg(long, value_name = "DIR", default_value = "/var/lib/vfd-gateway")]
+    data_dir: PathBuf,
+}
+
+impl DataDirArgs {
+    /// The directory.
+    ///
+    /// # Errors
+    /// The configuration cannot be read, or names none.
+    pub fn path(&self) -> Result<PathBuf, Failure> {
+        let Some(config) = &self.config else { return Ok(self.data_dir.clone()) };
+        input::configuration(config)?.gateway.data_dir.ok_or_else(|| {
+            Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no journal", config.display()))
+        })
+    }
+}
