@@ -96,6 +96,7 @@ impl Watch {
             first_epoch: 1,
             asked_before: false,
             joins_late: false,
+            standby: None,
             keeps: false,
         };
         let now = MonoTime::from_millis(1);

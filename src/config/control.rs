@@ -86,6 +86,7 @@ pub(super) fn settle(
         min_start_interval: file.min_start_interval.or(Duration::ZERO)?,
         require_watchdog: file.require_watchdog.or(false)?,
         watchdog: file.watchdog.clone().optional()?,
+        on_gateway_lost: None,
         failsafe_confirm_timeout: file.failsafe_confirm_timeout.or(ControlSettings::FAILSAFE_CONFIRM_TIMEOUT)?,
     })))
 }

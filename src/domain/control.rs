@@ -3,6 +3,7 @@
 use super::address::Address;
 use super::command::Direction;
 use super::frequency::Hertz;
+use super::standby::OnGatewayLost;
 use std::time::Duration;
 
 /// What happens to a drive when its client is lost, or when the gateway is stopped on purpose.
@@ -189,6 +190,8 @@ pub struct ControlSettings {
     pub watchdog: Option<Duration>,
     /// After this time a declared stop without effect is left to the drive's own watchdog, if that can be relied on.
     pub failsafe_confirm_timeout: Duration,
+    /// What happens to the drive when this gateway takes its line over from another; `None`: the line has no other.
+    pub on_gateway_lost: Option<OnGatewayLost>,
 }
 
 impl ControlSettings {
@@ -242,6 +245,7 @@ impl ControlSettings {
             require_watchdog: false,
             watchdog: None,
             failsafe_confirm_timeout: Self::FAILSAFE_CONFIRM_TIMEOUT,
+            on_gateway_lost: None,
         }
     }
 

@@ -13,6 +13,7 @@ pub mod native;
 pub mod problem;
 pub mod reason;
 pub mod report;
+pub mod standby;
 pub mod suspicion;
 pub mod time;
 pub mod traffic;

@@ -109,6 +109,7 @@ impl NativeOutcome {
                 Refusal::TooManyFrames => Reason::TooManyFrames,
                 Refusal::QueueFull => Reason::QueueFull,
                 Refusal::LineDown => Reason::LineDown,
+                Refusal::Standby => Reason::Standby,
             }),
             Self::Expired => Report::new(Outcome::Expired, Reason::TooLate),
             Self::Superseded => Report::new(Outcome::Superseded, Reason::Newer),
@@ -137,4 +138,7 @@ pub enum Refusal {
     /// The line's port is not open.
     #[error("the line is down")]
     LineDown,
+    /// Another gateway of the line is active.
+    #[error("another gateway is active on the line")]
+    Standby,
 }

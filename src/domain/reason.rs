@@ -165,6 +165,8 @@ reasons! {
     HalfAValue = 64, "half_a_value", "the register is half of a value of two words: write both words in one request of function 10 hex";
     /// The drive did not take the word after which written parameters act or are stored.
     NotCommitted = 65, "not_committed", "the parameters were written, but the drive did not take the word after which they act or outlast its power";
+    /// Another gateway of the line is active.
+    Standby = 66, "standby", "this gateway is on standby: another one is active on the line";
 }
 
 impl Reason {

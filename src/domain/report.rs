@@ -1,6 +1,7 @@
 //! States and counters shared by log, page, metrics and topics. Plain numbers, no clock.
 
 use super::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
+use super::standby::StandbyReport;
 use super::suspicion::Suspicion;
 use std::sync::Arc;
 use std::time::Duration;
@@ -84,6 +85,8 @@ pub struct LineReport {
     pub suspicion: Option<Suspicion>,
     /// What is waiting to be sent.
     pub waiting: LineWaiting,
+    /// Its role among several gateways; `None` if it is the only one.
+    pub standby: Option<StandbyReport>,
 }
 
 impl LineReport {
@@ -132,6 +135,7 @@ impl Default for LineReport {
             quality: LineQuality::default(),
             suspicion: None,
             waiting: LineWaiting::default(),
+            standby: None,
         }
     }
 }

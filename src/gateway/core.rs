@@ -204,6 +204,7 @@ impl LineCore {
                     work.leave(now, stops, &mut self.effects);
                 }
             }
+            Input::Yield => {}
             Input::Stay => self.drives.works_mut().for_each(DriveWork::stay),
             Input::Time => self.on_time(now),
         }
@@ -263,6 +264,7 @@ impl LineCore {
             quality: self.health.report(),
             suspicion: self.health.suspicion(),
             waiting: self.waiting(),
+            standby: None,
         }
     }
 

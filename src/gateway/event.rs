@@ -44,6 +44,8 @@ pub enum Input<'a> {
     },
     /// The line stays after all.
     Stay,
+    /// Another gateway of the line is to take it over, if this one is active.
+    Yield,
     /// A client is gone: its answers are dropped, and its orders that have not begun are not sent, except stops.
     AskerGone(AskerId),
     /// Everything up to this row of the journal is durable: it survives a kill of the process.

@@ -9,6 +9,7 @@ use crate::drive::watchdog::WatchdogRange;
 use crate::journal::Remembered;
 use crate::line::barriers::Nonces;
 use crate::line::budget::{self, Budget, PlannedStation};
+use crate::line::standby::StandbyTimes;
 use crate::line::timeouts::{ReplyTimeouts, longer_reply};
 use crate::line::timing::Timing;
 use crate::line::transaction::Wire;
@@ -38,6 +39,8 @@ pub struct LineSetup {
     pub joins_late: bool,
     /// Whether there is a journal: orders that must be recorded first wait for it.
     pub keeps: bool,
+    /// The times of the rule by which gateways share the line; `None`: this one is alone.
+    pub standby: Option<StandbyTimes>,
 }
 
 impl LineSetup {

@@ -113,6 +113,7 @@ fn native_outcome(report: Report) -> NativeOutcome {
         Outcome::Refused => NativeOutcome::Refused(match report.reason {
             Reason::QueueFull => Refusal::QueueFull,
             Reason::LineDown => Refusal::LineDown,
+            Reason::Standby => Refusal::Standby,
             reason => Refusal::Guard(reason),
         }),
         Outcome::Failed => match (report.exception, report.held) {

@@ -30,6 +30,7 @@ pub mod quality;
 pub mod quiet;
 pub mod reply_times;
 pub mod schedule;
+pub mod standby;
 pub mod station;
 pub mod timeouts;
 pub mod timing;

@@ -149,6 +149,7 @@ impl Walk {
             first_epoch: rng.u64(1..1 << 40),
             asked_before: false,
             joins_late: false,
+            standby: None,
             keeps: false,
         };
         let now = MonoTime::from_millis(1_000);

@@ -114,6 +114,7 @@ impl Plan {
             first_epoch,
             asked_before: false,
             joins_late: false,
+            standby: None,
             keeps: self.keeps,
         }
     }

@@ -290,6 +290,7 @@ impl Rig {
             first_epoch: 1,
             asked_before: false,
             joins_late: false,
+            standby: None,
             keeps: options.keeps,
         };
         let mut core = LineCore::new(setup.clone(), now);

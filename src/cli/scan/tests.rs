@@ -107,6 +107,7 @@ impl Asker for Simulated {
             first_epoch: 1,
             asked_before: true,
             joins_late: false,
+            standby: None,
             keeps: false,
         };
         self.now = self.now + if self.core.is_none() { LISTEN } else { Duration::from_millis(20) };

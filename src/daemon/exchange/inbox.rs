@@ -47,6 +47,8 @@ pub enum Message {
     },
     /// The line continues after all.
     Stay,
+    /// Another gateway of the line is to take it over, if this one is active.
+    Yield,
     /// The journal has kept the line's rows up to this one.
     Kept(RowNumber),
 }
@@ -216,7 +218,12 @@ impl Inbox {
 const fn stays(message: &Message) -> bool {
     match message {
         Message::Command(command) => command.order.is_stop(),
-        Message::NativeStop(_) | Message::Shutdown | Message::Hurry | Message::Leave { .. } | Message::Stay => true,
+        Message::NativeStop(_)
+        | Message::Shutdown
+        | Message::Hurry
+        | Message::Leave { .. }
+        | Message::Stay
+        | Message::Yield => true,
         _ => false,
     }
 }

@@ -50,6 +50,7 @@ impl LineTask<'_> {
                     self.leaving = None;
                     Input::Stay
                 }
+                Message::Yield => Input::Yield,
                 Message::Kept(row) => Input::Kept(row),
             };
             self.core.handle(now, input);

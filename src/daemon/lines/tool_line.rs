@@ -118,6 +118,7 @@ impl ToolLine {
             first_epoch: 1,
             asked_before: true,
             joins_late: false,
+            standby: None,
             keeps: false,
         };
         let line = Arc::new(SharedLine::new(0, name.clone(), Interface::Rs485, []));

@@ -79,7 +79,7 @@ fn bits(values: &Bits) -> Vec<u16> {
 
 const fn exception_of(why: Refusal) -> u8 {
     match why {
-        Refusal::NoSuchUnit | Refusal::LineDown => exception::GATEWAY_PATH_UNAVAILABLE,
+        Refusal::NoSuchUnit | Refusal::LineDown | Refusal::Standby => exception::GATEWAY_PATH_UNAVAILABLE,
         Refusal::Guard(reason) => refusal::exception_of(reason),
         Refusal::TooManyFrames => exception::ILLEGAL_DATA_VALUE,
         Refusal::QueueFull => exception::SERVER_DEVICE_BUSY,

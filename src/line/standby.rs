@@ -1,0 +1,236 @@
+//! Several gateways on one line: the line itself is the lease.
+//!
+//! The active one sends at least every [`PROBE_AFTER`]. It may send only while it has sent within
+//! [`StandbyTimes::silent_at_most`]; one that was suspended for longer listens first. A listener takes the line over
+//! once it has heard no sign of another gateway for [`StandbyTimes::take_over_after`], which is longer by all that may lie
+//! between sending a frame and hearing it. So there are never two that may send, without a network and without clocks that
+//! agree.
+
+use super::timing::Timing;
+use crate::domain::standby::LineRole;
+use crate::domain::time::MonoTime;
+use crate::wire::framing;
+use std::time::Duration;
+
+/// How long the active gateway may leave the line silent before it sends a read for its own sake.
+pub const PROBE_AFTER: Duration = Duration::from_millis(500);
+/// How much later each rank takes a line over than the one before it.
+pub const RANK_STEP: Duration = Duration::from_millis(500);
+/// Longest random wait before a line that two gateways gave up is taken again.
+const TIE_BREAK: Duration = Duration::from_millis(500);
+/// The least of [`StandbyTimes::silent_at_most`].
+const SILENT_AT_LEAST: Duration = Duration::from_millis(1500);
+/// The least of [`StandbyTimes::take_over_after`] at rank 0.
+const TAKE_OVER_AT_LEAST: Duration = Duration::from_millis(2500);
+/// How much longer than its longest exchange the active gateway may be silent: time in which it is not scheduled.
+const SLACK: Duration = Duration::from_millis(500);
+/// How long an adapter may hold received bytes back: the longest latency timer of common USB adapters.
+const HELD_BACK: Duration = Duration::from_millis(255);
+/// Two clocks differ by at most one part in this many.
+const DRIFT: u32 = 50;
+
+/// The times of the rule on one line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StandbyTimes {
+    /// Longest time since its last frame within which the active gateway may send another.
+    pub silent_at_most: Duration,
+    /// Silence after which this gateway takes the line over, with its rank.
+    pub take_over_after: Duration,
+}
+
+impl StandbyTimes {
+    /// The shortest safe times at rank 0 on a line with this `timing`, where no exchange lasts longer than
+    /// `longest_exchange`.
+    #[must_use]
+    pub fn shortest(timing: &Timing, longest_exchange: Duration) -> Self {
+        let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(PROBE_AFTER) + SLACK);
+        let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
+        let take_over_after = TAKE_OVER_AT_LEAST.max(silent_at_most + silent_at_most / DRIFT + frame + HELD_BACK);
+        Self { silent_at_most, take_over_after }
+    }
+
+    /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
+    #[must_use]
+    pub fn with(self, take_over_after: Option<Duration>, rank: u8) -> Self {
+        let silence = take_over_after.unwrap_or_default().max(self.take_over_after);
+        Self { take_over_after: silence + RANK_STEP * u32::from(rank), ..self }
+    }
+
+    /// Longest time from the last frame of an active gateway to the first frame of this one, on a line that is not
+    /// noisy.
+    #[must_use]
+    pub fn worst_take_over(&self) -> Duration {
+        self.take_over_after + TIE_BREAK
+    }
+}
+
+/// Whether this gateway may send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// The port is not open: nothing can be heard.
+    Deaf,
+    /// Nothing of another gateway was heard since `quiet_from`; the line is taken over after the usual silence and
+    /// `extra`.
+    Listening { quiet_from: MonoTime, extra: Duration },
+    /// The last frame was sent at `sent_at`.
+    Active { sent_at: MonoTime },
+}
+
+/// Why the line was given up, or taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Change {
+    /// The line was silent for long enough: this gateway is active from now on.
+    TakenOver,
+    /// This gateway has not sent for too long.
+    Stalled,
+    /// Another master was heard.
+    Rival,
+    /// It was asked to give the line up.
+    Yielded,
+}
+
+/// The state of the rule on one line.
+#[derive(Clone, Debug)]
+pub struct Standby {
+    times: StandbyTimes,
+    state: State,
+    /// When a frame of another gateway or master was last heard; `None` if never since the port was opened.
+    heard_at: Option<MonoTime>,
+    seed: u64,
+}
+
+impl Standby {
+    /// The rule with `times`, on a port that is not open yet. `seed` differs between gateways and starts.
+    #[must_use]
+    pub const fn new(times: StandbyTimes, seed: u64) -> Self {
+        Self { times, state: State::Deaf, heard_at: None, seed }
+    }
+
+    /// The times of the rule.
+    #[must_use]
+    pub const fn times(&self) -> &StandbyTimes {
+        &self.times
+    }
+
+    /// What this gateway does on the line.
+    #[must_use]
+    pub const fn role(&self) -> LineRole {
+        match self.state {
+            State::Deaf | State::Listening { .. } => LineRole::Listening,
+            State::Active { .. } => LineRole::Active,
+        }
+    }
+
+    /// Whether a frame may be handed to the port at `now`. To be asked right before that: the process may have been
+    /// suspended since the frame was decided on.
+    #[must_use]
+    pub fn may_send(&self, now: MonoTime) -> bool {
+        matches!(self.state, State::Active { sent_at } if now.since(sent_at) <= self.times.silent_at_most)
+    }
+
+    /// Whether another gateway or master was heard so recently at `now` that it must be taken for alive.
+    #[must_use]
+    pub fn hears_other(&self, now: MonoTime) -> bool {
+        self.heard_at.is_some_and(|at| now.since(at) <= self.times.silent_at_most)
+    }
+
+    /// When another gateway or master was last heard; `None` if never since the port was opened.
+    #[must_use]
+    pub const fn heard_at(&self) -> Option<MonoTime> {
+        self.heard_at
+    }
+
+    /// When the active gateway sends a read for its own sake, unless it sends something else before.
+    #[must_use]
+    pub fn probe_at(&self) -> Option<MonoTime> {
+        match self.state {
+            State::Active { sent_at } => Some(sent_at + PROBE_AFTER),
+            State::Deaf | State::Listening { .. } => None,
+        }
+    }
+
+    /// When a listener takes the line over, unless it hears something before.
+    #[must_use]
+    pub fn due_at(&self) -> Option<MonoTime> {
+        match self.state {
+            State::Listening { quiet_from, extra } => Some(quiet_from + self.times.take_over_after + extra),
+            State::Deaf | State::Active { .. } => None,
+        }
+    }
+
+    /// The port was opened at `now`.
+    pub const fn port_opened(&mut self, now: MonoTime) {
+        self.heard_at = None;
+        self.state = State::Listening { quiet_from: now, extra: Duration::ZERO };
+    }
+
+    /// The port is gone. Returns whether the line was given up by that.
+    pub fn port_gone(&mut self) -> bool {
+        self.heard_at = None;
+        matches!(std::mem::replace(&mut self.state, State::Deaf), State::Active { .. })
+    }
+
+    /// A frame was decided on at `now`, and is handed to the port after that.
+    pub const fn sent(&mut self, now: MonoTime) {
+        if let State::Active { sent_at } = &mut self.state {
+            *sent_at = now;
+        }
+    }
+
+    /// A sound frame that is not of this gateway was received at `now`, while it listens: somebody sends.
+    pub fn heard(&mut self, now: MonoTime) {
+        if let State::Listening { quiet_from, .. } = &mut self.state {
+            *quiet_from = now;
+            self.heard_at = Some(now);
+        }
+    }
+
+    /// A request of another master was received at `now`. Returns whether this gateway was active: it gives the line up.
+    pub fn heard_request(&mut self, now: MonoTime) -> Option<Change> {
+        let gives_up = matches!(self.state, State::Active { .. });
+        if gives_up {
+            self.listen(now);
+        }
+        self.heard(now);
+        gives_up.then_some(Change::Rival)
+    }
+
+    /// The operator asked at `now` to give the line up. Another gateway is expected to take it before this one does.
+    pub fn give_up(&mut self, now: MonoTime, wait: Duration) -> Option<Change> {
+        let State::Active { .. } = self.state else { return None };
+        self.state = State::Listening { quiet_from: now, extra: wait };
+        Some(Change::Yielded)
+    }
+
+    /// Another gateway gave the line to this one at `now`.
+    pub const fn take(&mut self, now: MonoTime) {
+        self.state = State::Active { sent_at: now };
+    }
+
+    /// Time has passed up to `now`. `is_free`: a frame could be sent now, as far as the wire is concerned.
+    pub fn pass(&mut self, now: MonoTime, is_free: bool) -> Option<Change> {
+        match self.state {
+            State::Deaf => None,
+            State::Active { .. } if self.may_send(now) => None,
+            State::Active { .. } => {
+                self.listen(now);
+                Some(Change::Stalled)
+            }
+            State::Listening { .. } if is_free && self.due_at().is_some_and(|due| now >= due) => {
+                self.take(now);
+                Some(Change::TakenOver)
+            }
+            State::Listening { .. } => None,
+        }
+    }
+
+    /// Listens from `now` on, with a random part in the wait: whatever made two gateways send must not repeat in step.
+    fn listen(&mut self, now: MonoTime) {
+        // SplitMix64.
+        self.seed = self.seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (self.seed ^ (self.seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        let thousandths = u32::try_from((mixed >> 33) % 1001).unwrap_or(0);
+        self.state = State::Listening { quiet_from: now, extra: TIE_BREAK * thousandths / 1000 };
+    }
+}
