@@ -1,7 +1,7 @@
 //! Which unproven actions of one drive are accepted: those that its control section lists, and those that were confirmed
 //! at the drive itself.
 
-use super::file::ControlFile;
+use super::file::{ControlFile, File};
 use super::qualified::Standing;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence};
 use crate::domain::problem::Problem;
@@ -77,6 +77,18 @@ impl<'a> Acceptance<'a> {
             let what = "with `qualify`, run commands and the frequency must come over the bus";
             problems.push(bus.location.problem(what).right("\"both\""));
         }
+    }
+}
+
+/// Without a data directory there is no socket for the command, and no place for the results.
+pub(super) fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
+    if !matches!(file.gateway.data_dir, OptionalKey::Absent) {
+        return;
+    }
+    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
+    for qualify in controls.filter_map(|control| control.value.qualify.valid()).filter(|qualify| qualify.value) {
+        let problem = qualify.location.problem("has no effect: without a data directory no result can be kept");
+        problems.push(problem.right("`data_dir` in `[gateway]`").warning());
     }
 }
 

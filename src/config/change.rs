@@ -37,6 +37,8 @@ pub struct ChangeNote {
 pub enum ConfigPart {
     /// `[gateway]`
     Gateway,
+    /// `[standby]`
+    Standby,
     /// A line.
     Line,
     /// A drive.
@@ -57,6 +59,7 @@ impl ConfigPart {
     pub const fn word(self) -> &'static str {
         match self {
             Self::Gateway => "gateway",
+            Self::Standby => "standby",
             Self::Line => "line",
             Self::Drive => "drive",
             Self::Mqtt => "mqtt",
@@ -154,6 +157,7 @@ fn told(old: &Config, new: &Config) -> Vec<ChangeNote> {
     if old.gateway != new.gateway {
         told.push(ChangeNote { part: ConfigPart::Gateway, name: None, how: How::Changed });
     }
+    one(&mut told, ConfigPart::Standby, old.standby.as_ref(), new.standby.as_ref());
     compare(&mut told, ConfigPart::Line, &lines(old), &lines(new));
     compare(&mut told, ConfigPart::Drive, &drives(old), &drives(new));
     one(&mut told, ConfigPart::Mqtt, old.mqtt.as_ref(), new.mqtt.as_ref());

@@ -1,17 +1,19 @@
 //! Checks a drive's control section against the abilities of its model and their confidence.
 
 use super::acceptance::Acceptance;
-use super::file::{ControlFile, DriveFile, LimitsFile};
+use super::file::{ControlFile, DriveFile, LimitsFile, LineFile};
 use super::lists;
 use super::mqtt::Defaults;
 use super::native;
 use super::qualified::Standing;
+use super::standby;
 use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
+use crate::domain::standby::OnGatewayLost;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Basic, Confidence, Model, Register, Role};
 use crate::profile::scale::to_raw;
@@ -23,11 +25,11 @@ use std::time::Duration;
 /// Longest fast poll period of a drive that may be commanded: a status older than 5 s is refused.
 const SLOWEST_POLL: Duration = Duration::from_secs(5);
 
-/// The ready control section of `drive`: `Some(None)` without one; `None` if it is invalid, see `problems`.
+/// The ready control section of `drive` on `line`: `Some(None)` without one; `None` if it is invalid, see `problems`.
 /// `defaults` fill in missing keys. Without a `model`, which is then reported as unknown, only checks that do not
 /// depend on it are made. `standing`: what was tried at the drive.
 pub(super) fn settle(
-    drive: &DriveFile,
+    (line, drive): (&LineFile, &DriveFile),
     model: Option<&Model>,
     defaults: Defaults,
     standing: &Standing,
@@ -42,6 +44,7 @@ pub(super) fn settle(
     is_looked_at(drive, problems);
     ways(file, problems);
     let directions = directions(file, problems);
+    let on_gateway_lost = standby::on_lost(file, location, line, problems);
     // A model that cannot be commanded at all is reported once, not for each key.
     let able = model.filter(|model| can_be_controlled(model, location, problems));
     let accepted = Acceptance::new(file, standing);
@@ -86,7 +89,7 @@ pub(super) fn settle(
         min_start_interval: file.min_start_interval.or(Duration::ZERO)?,
         require_watchdog: file.require_watchdog.or(false)?,
         watchdog: file.watchdog.clone().optional()?,
-        on_gateway_lost: None,
+        on_gateway_lost: on_gateway_lost?,
         failsafe_confirm_timeout: file.failsafe_confirm_timeout.or(ControlSettings::FAILSAFE_CONFIRM_TIMEOUT)?,
     })))
 }
@@ -141,6 +144,7 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
             problems.push(action.location.problem(what).right(right));
         }
     }
+    standby::wired(file, bus.value, problems);
     if let Some(strict) = file.directions.valid() {
         let problem = strict.location.problem("the direction is ordered elsewhere: `bus` takes the frequency alone");
         problems.push(problem.right("leave it out").warning());
@@ -314,10 +318,8 @@ fn actions(
     if let Some(Spanned { location, .. }) = reverse {
         can_do(accepted, ControlAction::Reverse, model, location, "leave it out", problems);
     }
-    for fail_safe in [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten() {
-        if fail_safe.value == FailSafe::Coast {
-            can_do(accepted, ControlAction::Coast, model, &fail_safe.location, "\"stop\" or \"hold\"", problems);
-        }
+    for location in coasts(file) {
+        can_do(accepted, ControlAction::Coast, model, location, "\"stop\" or \"hold\"", problems);
     }
     if let Some(Spanned { value: true, location }) = file.allow_release.valid() {
         match has(model, ControlAction::Release) {
@@ -344,6 +346,14 @@ fn actions(
         };
         problems.push(location.problem(what).right("leave it out").warning());
     }
+}
+
+/// Where the section says that the output is cut off.
+fn coasts(file: &ControlFile) -> impl Iterator<Item = &Location> {
+    let fail_safes = [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten();
+    let coasts = fail_safes.filter(|it| it.value == FailSafe::Coast).map(|it| &it.location);
+    let taken_over = file.on_gateway_lost.valid().filter(|it| it.value == OnGatewayLost::Coast);
+    coasts.chain(taken_over.map(|it| &it.location))
 }
 
 fn may_reverse(directions: Option<&[Direction]>) -> bool {

@@ -9,6 +9,7 @@ use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
+use crate::domain::standby::OnGatewayLost;
 use crate::north::broker::{Qos, Version};
 use crate::north::mqtt::{Combined, LeaseMode, Tree};
 use crate::north::operator::rights::Role;
@@ -24,6 +25,7 @@ use std::time::Duration;
 pub(super) struct File {
     pub gateway: GatewayFile,
     pub journal: OptionalKey<JournalFile>,
+    pub standby: OptionalKey<StandbyFile>,
     pub lines: Vec<LineFile>,
     pub mqtt: OptionalKey<MqttFile>,
     pub listeners: Vec<ListenerFile>,
@@ -58,6 +60,16 @@ pub(super) struct JournalFile {
     pub max_size: OptionalKey<u64>,
 }
 
+/// `[standby]`
+#[derive(Debug)]
+pub(super) struct StandbyFile {
+    pub location: Location,
+    pub half: RequiredKey<Name>,
+    pub partner: RequiredKey<Name>,
+    pub rank: OptionalKey<u8>,
+    pub take_over_after: OptionalKey<Option<Duration>>,
+}
+
 impl File {
     /// Everything that serves units to Modbus clients: first the listeners, then the serial masters.
     pub fn units_servers(&self) -> Vec<&ListenerFile> {
@@ -84,6 +96,7 @@ pub(super) struct LineFile {
     pub min_request_gap: OptionalKey<Duration>,
     pub reply_timeout: OptionalKey<Option<Duration>>,
     pub max_status_age: OptionalKey<Duration>,
+    pub standby: OptionalKey<bool>,
     pub drives: Vec<DriveFile>,
 }
 
@@ -145,6 +158,7 @@ pub(super) struct ControlFile {
     pub on_commander_lost: RequiredKey<FailSafe>,
     pub lost_after: RequiredKey<Duration>,
     pub on_shutdown: RequiredKey<FailSafe>,
+    pub on_gateway_lost: OptionalKey<OnGatewayLost>,
     pub accept_unverified: OptionalKey<Vec<Spanned<ControlAction>>>,
     pub qualify: OptionalKey<bool>,
     pub allow_release: OptionalKey<bool>,

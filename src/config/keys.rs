@@ -9,6 +9,8 @@ pub enum Section {
     Gateway,
     /// `[journal]`
     Journal,
+    /// `[standby]`
+    Standby,
     /// `[[line]]`
     Line,
     /// `[[line.drive]]`
@@ -39,10 +41,11 @@ pub enum Section {
 
 impl Section {
     /// All sections, outer before inner.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Root,
         Self::Gateway,
         Self::Journal,
+        Self::Standby,
         Self::Line,
         Self::Drive,
         Self::Register,
@@ -65,6 +68,7 @@ impl Section {
             Self::Root => "",
             Self::Gateway => "gateway",
             Self::Journal => "journal",
+            Self::Standby => "standby",
             Self::Line => "line",
             Self::Drive => "line.drive",
             Self::Register => "line.drive.register",
@@ -153,6 +157,7 @@ const FACTORY: Option<&str> = Some("the factory setting that the models of the l
 pub const KEYS: &[Key] = &[
     key(Section::Root, "gateway", "table", Some("empty"), "The gateway as a whole."),
     key(Section::Root, "journal", "table", Some("empty"), "The record of trips, commands, and drives and clients that come and go."),
+    key(Section::Root, "standby", "table", Some("none: the only gateway on its lines"), "This gateway as one of two on the same lines."),
     key(Section::Root, "line", "tables, at least one", None, "One serial bus each."),
     key(Section::Root, "mqtt", "table", Some("no broker"), "The connection to an MQTT broker."),
     key(Section::Root, "modbus_tcp", "tables", Some("none"), "One Modbus TCP listener each."),
@@ -165,6 +170,11 @@ pub const KEYS: &[Key] = &[
     key(Section::Gateway, "model_dirs", "list of absolute paths", Some("none"), "Directories with your own models (`*.toml`)."),
 
     key(Section::Journal, "max_size", "\"1MB\" to \"16GB\"", Some("\"64MB\""), "Maximum size of the journal file. When it is full, the oldest rows are deleted, trips last."),
+
+    key(Section::Standby, "half", "name of up to 16 characters", None, "The name of this gateway in the pair."),
+    key(Section::Standby, "partner", "name of up to 16 characters", None, "The name of the other gateway, for refusals and displays."),
+    key(Section::Standby, "rank", "0 to 7", Some("0"), "By how many half seconds later than rank 0 it takes a line over. The gateways of a line must have different ranks."),
+    key(Section::Standby, "take_over_after", "\"auto\", or \"1s\" to \"10min\"", Some("\"auto\""), "Silence of the line after which rank 0 takes it over; at least what the line needs, which `check` prints. It should be the same on both gateways."),
 
     key(Section::Line, "name", "name", None, "The name of the line; unique among the lines."),
     key(Section::Line, "port", "absolute path, \"tcp://host:port\", or \"modbus-tcp://host[:502]\"", None, "The serial device (preferably by id), a pseudo-terminal, a serial device server that forwards the frames, or a Modbus TCP server: a drive with an Ethernet port, or a converter before drives."),
@@ -181,6 +191,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Line, "min_request_gap", "\"0ms\" to \"10s\"", Some("\"0ms\""), "Minimum time between the end of one exchange and the next request."),
     key(Section::Line, "reply_timeout", "\"auto\", or \"1ms\" to \"60s\"", Some("\"auto\""), "Maximum wait for a reply, for drives without a setting of their own."),
     key(Section::Line, "max_status_age", "\"100ms\" to \"1h\"", Some("\"5s\""), "Maximum age of the fast values if the drives are polled more often than the line can carry. A line that would exceed it is refused."),
+    key(Section::Line, "standby", "true or false", Some("false"), "Whether the other gateway of `[standby]` is on the same RS-485 line. Then one of the two sends, and the other one only listens and takes over when the line is silent."),
     key(Section::Line, "drive", "tables, at least one", None, "One drive each."),
 
     key(Section::Drive, "name", "name", None, "The name of the drive; unique in the gateway."),
@@ -220,6 +231,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "on_commander_lost", "\"stop\", \"coast\" or \"hold\"", None, "The fail-safe action when the commander vanishes."),
     key(Section::Control, "lost_after", "\"1s\" to \"1h\", more than \"1s\"", None, "How long the commander may be silent before the fail-safe action. It must exceed the time a command may wait and, with a session lease, three probes."),
     key(Section::Control, "on_shutdown", "\"stop\", \"coast\" or \"hold\"", None, "The action when the gateway shuts down on request."),
+    key(Section::Control, "on_gateway_lost", "\"stop\", \"coast\", \"hold\" or \"adopt\"", Some("none: required on a line with `standby = true`"), "What happens to a drive that was ordered to run, when this gateway takes its line over: it is stopped by its ramp, its output is cut off, it goes on, or it goes on for `lost_after` so that its client can come back."),
     key(Section::Control, "accept_unverified", "list of \"basic\", \"reverse\", \"reset\", \"coast\", \"release\"", Some("[]"), "Actions that the model marks as unproven but that you accept. \"basic\" is stop, forward and the setpoint together."),
     key(Section::Control, "qualify", "true or false", Some("false"), "Whether `vfd-gateway qualify` may try what the model leaves unproven, one command at a time. For the day of the trials only."),
     key(Section::Control, "allow_release", "true or false", Some("false"), "Whether control may be returned to panel and terminals. A closed terminal may then start the motor."),
@@ -227,7 +239,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Control, "restart_delay", "\"0s\" to \"1min\"", Some("\"3s\""), "RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop, a trip, a lost lease or an outage; over MQTT at least 1.75 s more than `probe_interval`, from the page at least 2.5 s."),
     key(Section::Control, "stop_effect_timeout", "\"500ms\" to \"1min\"", Some("\"3s\""), "A stop without effect for this long raises an alarm."),
     key(Section::Control, "stop_pending_for", "\"1s\" to \"1h\"", Some("\"10min\""), "How long a stop waits for a drive that does not answer."),
-    key(Section::Control, "bus", "\"both\", \"frequency\" or \"run\"", Some("\"both\""), "Which functions come over the bus; the others are wired to the drive. With \"frequency\" the drive is started and stopped elsewhere: a stop is sent, but may have no effect, and both fail-safe actions must be \"hold\"."),
+    key(Section::Control, "bus", "\"both\", \"frequency\" or \"run\"", Some("\"both\""), "Which functions come over the bus; the others are wired to the drive. With \"frequency\" the drive is started and stopped elsewhere: a stop is sent, but may have no effect, and both fail-safe actions must be \"hold\"; `on_gateway_lost` too, or \"adopt\"."),
     key(Section::Control, "ownership", "\"one\" or \"any\"", Some("\"one\""), "Who may command while a client holds control: only that client, or every client with the rights."),
     key(Section::Control, "allow_take", "true or false", Some("false"), "Whether a client may take control from its holder. The drive keeps running as it is."),
     key(Section::Control, "lease", "\"session\" or \"explicit\"", Some("that of `[mqtt]`"), "What renews the lease over MQTT: a working path through the broker, or only commands and the lease topic."),
@@ -343,7 +355,7 @@ mod tests {
     use super::*;
 
     /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
-    const EXCLUDED: [&str; 9] = [
+    const EXCLUDED: [&str; 15] = [
         "password_env",
         "model_dirs",
         "rated_current_a",
@@ -353,6 +365,12 @@ mod tests {
         "require_watchdog",
         "failsafe_confirm_timeout",
         "password_hash",
+        "standby",
+        "half",
+        "partner",
+        "rank",
+        "take_over_after",
+        "on_gateway_lost",
     ];
 
     /// The tables of `section` in a parsed file.
@@ -385,7 +403,7 @@ mod tests {
     fn with_line_in(section: Section, line: &str) -> String {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
-            Section::HttpUser | Section::HttpTls | Section::Sparkplug | Section::ModbusRtu => {
+            Section::HttpUser | Section::HttpTls | Section::Sparkplug | Section::ModbusRtu | Section::Standby => {
                 return format!("{CONTROLLED}{}\n{line}\n", section.header());
             }
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),

@@ -4,7 +4,9 @@ use super::file::LineFile;
 use super::ready::{DriveSettings, LineSettings, Silence};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
+use crate::domain::standby::StandbyPair;
 use crate::line::budget::{self, Budget, PlannedRead, PlannedStation, Refresh};
+use crate::line::standby::StandbyTimes;
 use crate::line::timeouts::ReplyTimeouts;
 use crate::line::timing::Timing;
 use crate::profile::model::PollClass;
@@ -64,6 +66,27 @@ pub fn stop_bounds_without(line: &LineSettings, place: usize) -> StopBounds {
 #[must_use]
 pub fn stop_bounds(line: &LineSettings) -> StopBounds {
     budget::stop_bounds(&timing(line).0, line.drives.iter().map(station))
+}
+
+/// The longest exchange with a drive of `line`, from the decision to send a frame to the moment when the next one may be
+/// sent, its reply waited out.
+#[must_use]
+pub fn longest_exchange(line: &LineSettings) -> Duration {
+    // A stop waits for one exchange, or for what a broadcast takes.
+    let StopBounds { all_healthy, one_silent, .. } = stop_bounds(line);
+    all_healthy.max(one_silent)
+}
+
+/// The shortest safe times at rank 0 of several gateways on `line`.
+#[must_use]
+pub fn shortest_standby_times(line: &LineSettings) -> StandbyTimes {
+    StandbyTimes::shortest(&timing(line).0, longest_exchange(line))
+}
+
+/// The times of this gateway as one of `pair` on `line`.
+#[must_use]
+pub fn standby_times(line: &LineSettings, pair: &StandbyPair) -> StandbyTimes {
+    shortest_standby_times(line).with(pair.take_over_after, pair.rank)
 }
 
 /// Maximum additional time to confirm a stop of a drive of `line` if one of its replies is missing.

@@ -4,7 +4,7 @@
 //! table of [`keys`]. `resolve` fills in defaults and checks the rules between keys: `link` compares lines with their
 //! models, `control` and `native` check what may be commanded and written, `mqtt` checks the broker, `line_plan` the cost
 //! of polls, `listen` the listeners with their roles (`listener_tls`), `http` the page and its users, `units` the units of
-//! drives, `commanders` whether commands can arrive at all. Neither stops at the first mistake. A key without effect (on
+//! drives, `standby` the second gateway, `commanders` whether commands can arrive at all. Neither stops at the first mistake. A key without effect (on
 //! this model, or beside the other keys) is a warning; a key that affects what may move a motor is an error. Properties
 //! that only show when a port is opened (a pseudo-terminal, a driver that can switch the direction) are left to the daemon.
 
@@ -38,6 +38,7 @@ mod ready_serial;
 mod resolve;
 mod secrets;
 mod serial;
+mod standby;
 #[cfg(test)]
 mod tests;
 pub mod units;

@@ -10,6 +10,7 @@ use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
 use crate::domain::problem::Problem;
+use crate::domain::standby::StandbyPair;
 use crate::drive::description::{Points, Ratings};
 use crate::guard::COMMAND_DEADLINE;
 use crate::profile::model::Model;
@@ -28,6 +29,8 @@ pub struct Config {
     pub gateway: GatewaySettings,
     /// The journal, if there is a data directory.
     pub journal: JournalSettings,
+    /// This gateway as one of a pair; `None`: it is the only one on its lines.
+    pub standby: Option<StandbyPair>,
     /// The serial lines, in the order of the file; at least one.
     pub lines: Vec<LineSettings>,
     /// The Modbus TCP listeners, in the order of the file; may be none.
@@ -105,6 +108,8 @@ pub struct LineSettings {
     pub reply_timeout: Option<Duration>,
     /// Maximum age of the fast values under an overfull plan, 100 ms to 1 h.
     pub max_status_age: Duration,
+    /// The pair whose other gateway is on the same line; `None`: this one is alone there.
+    pub standby: Option<StandbyPair>,
     /// The drives, in the order of the file; at least one, and exactly one on RS-232.
     pub drives: Vec<DriveSettings>,
 }

@@ -11,12 +11,14 @@ use super::ready::{
 };
 use super::units::{self, Units};
 use super::{
-    commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, serial, watchdog,
+    acceptance, commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, serial,
+    standby, watchdog,
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, alternatives, nearest_names};
+use crate::domain::standby::StandbyPair;
 use crate::drive::description::{Points, Ratings};
 use crate::north::modbus::Limits;
 use crate::profile::catalog::Catalog;
@@ -44,12 +46,13 @@ pub(super) struct Models<'a> {
 pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Config> {
     unique(file, problems);
     site_is_known(file, models, problems);
-    trials_are_kept(file, problems);
+    acceptance::trials_are_kept(file, problems);
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
     let models = Models { are_all, ..models };
     let is_published = !matches!(file.mqtt, OptionalKey::Absent);
     let defaults = mqtt::defaults(file);
     let of_mqtt = is_published.then_some(defaults);
+    standby::check(file, problems);
     let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, of_mqtt, problems)).collect();
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
@@ -59,14 +62,16 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     listen::units_exist(file, &served, &units, problems);
     commanders::check(file, &served, &units, problems);
     points::idle(file, problems);
+    let pair = whole(&file.standby, |it| standby::settle(it, file, problems));
 
     let lines = file.lines.iter().zip(parts).zip(&units);
     let mut ready = Vec::new();
-    for ((file, parts), units) in lines {
-        let line = ready_line(file, parts, units);
+    for ((of_line, parts), units) in lines {
+        let line = ready_line(of_line, parts, units, pair.as_ref());
         ready.push(line.inspect(|line| {
-            line_plan::check(file, line, problems);
-            for (location, drive) in file.drives.iter().enumerate() {
+            line_plan::check(of_line, line, problems);
+            standby::has_time(file, line, problems);
+            for (location, drive) in of_line.drives.iter().enumerate() {
                 watchdog::is_fed(drive, line, location, problems);
             }
         }));
@@ -81,6 +86,7 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
             data_dir: file.gateway.data_dir.clone().optional()?,
             on_removal: file.gateway.on_removal.or(Removal::Refuse)?,
         },
+        standby: pair?,
         lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
         listeners: listeners.collect::<Option<Vec<_>>>()?,
         serial_masters: serial_masters?,
@@ -97,18 +103,6 @@ fn site_is_known(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) {
     if let (Err(why), OptionalKey::Valid(dir)) = (models.site, &file.gateway.data_dir) {
         let what = format!("{FILE_NAME} there cannot be used, so nothing that was qualified counts: {why}");
         problems.push(dir.location.problem(what).right("the file as it was, or none and new trials").warning());
-    }
-}
-
-/// Without a data directory there is no socket for the command, and no place for the results.
-fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
-    if !matches!(file.gateway.data_dir, OptionalKey::Absent) {
-        return;
-    }
-    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
-    for qualify in controls.filter_map(|control| control.value.qualify.valid()).filter(|qualify| qualify.value) {
-        let problem = qualify.location.problem("has no effect: without a data directory no result can be kept");
-        problems.push(problem.right("`data_dir` in `[gateway]`").warning());
     }
 }
 
@@ -225,7 +219,7 @@ fn drive_parts(
     let model = model_of(drive, models, problems);
     let model = full_scale::settle(drive, model, problems);
     let standing = standing(line, drive, model.as_deref(), models);
-    let control = control::settle(drive, model.as_deref(), of_mqtt.unwrap_or_default(), &standing, problems);
+    let control = control::settle((line, drive), model.as_deref(), of_mqtt.unwrap_or_default(), &standing, problems);
     let ratings = ratings::settle(drive, model.as_deref(), problems);
     let points = points::settle(drive, model.as_deref(), of_mqtt.is_some(), problems);
     DriveParts { model, control, ratings, points }
@@ -303,7 +297,12 @@ fn is_a_unit(station: &Spanned<Station>, problems: &mut Vec<Problem>) {
     }
 }
 
-fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<LineSettings> {
+fn ready_line(
+    line: &LineFile,
+    parts: LineParts,
+    units: &[Units],
+    pair: Option<&Option<StandbyPair>>,
+) -> Option<LineSettings> {
     let Settled { link, framing, interface } = parts.settled?;
     let shared = Shared {
         framing,
@@ -329,6 +328,7 @@ fn ready_line(line: &LineFile, parts: LineParts, units: &[Units]) -> Option<Line
         min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
         reply_timeout: shared.reply_timeout,
         max_status_age: line.max_status_age.or(line_plan::DEFAULT_STATUS_AGE)?,
+        standby: if line.standby.or(false)? { pair?.clone() } else { None },
         drives: drives.collect::<Option<Vec<_>>>()?,
     })
 }

@@ -5,8 +5,10 @@ use super::ready_http::Viewers;
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
 use crate::domain::link::DirectionControl;
+use crate::domain::standby::OnGatewayLost;
 use crate::north::mqtt::{Combined, LeaseMode, Tree};
 use crate::north::operator::rights::Role;
+use crate::toml_file::values::Kind;
 
 /// An interface that accepts commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,6 +112,24 @@ pub const fn of_fail_safe(action: FailSafe) -> &'static str {
         FailSafe::Coast => "the output is cut off, the motor coasts",
         FailSafe::Hold => "no action: a running motor keeps running",
     }
+}
+
+/// Actions of a gateway that takes a line over.
+const ON_GATEWAY_LOST: [(&str, OnGatewayLost); 4] = [
+    (OnGatewayLost::Stop.word(), OnGatewayLost::Stop),
+    (OnGatewayLost::Coast.word(), OnGatewayLost::Coast),
+    (OnGatewayLost::Hold.word(), OnGatewayLost::Hold),
+    (OnGatewayLost::Adopt.word(), OnGatewayLost::Adopt),
+];
+
+/// One of these actions.
+pub(super) fn on_gateway_lost() -> Kind<'static, OnGatewayLost> {
+    Kind::choice(&ON_GATEWAY_LOST, |action| match action {
+        OnGatewayLost::Stop => "the motor is stopped by its ramp",
+        OnGatewayLost::Coast => "the output is cut off, the motor coasts",
+        OnGatewayLost::Hold => "no action: a running motor keeps running",
+        OnGatewayLost::Adopt => "a running motor keeps running for `lost_after`, then `on_commander_lost` follows",
+    })
 }
 
 /// The effect on a drive that a reload would remove, for messages.

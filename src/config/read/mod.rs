@@ -6,12 +6,13 @@ mod network;
 mod serial;
 mod tables;
 
-use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile};
+use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile, StandbyFile};
 use super::ready::{PortAddress, Silence};
 use super::words::{DIRECTION_CONTROLS, REMOVALS, of_removal};
 use super::{keys, port};
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::problem::Problem;
+use crate::domain::standby::RANK_MAX;
 use crate::profile::register::{RegisterFile, extra_register};
 use crate::toml_file::values::Kind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
@@ -27,6 +28,9 @@ const REQUEST_GAP: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_se
 const REPLY_TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
 const MAX_LATENESS: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(60);
 const STATUS_AGE: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(3600);
+/// Longest name of a gateway in its pair.
+const HALF_CHARS: usize = 16;
+const TAKE_OVER: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(600);
 /// Range of a dead band: no register has finer steps or larger values.
 const DEAD_BAND: RangeInclusive<f64> = 0.000_001..=100_000.0;
 /// Range of decimals; no register has more.
@@ -49,6 +53,7 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     let file = File {
         gateway,
         journal: inner(&mut reader, "journal", read_journal),
+        standby: inner(&mut reader, "standby", read_standby),
         lines: each(&mut reader, "line", read_line),
         mqtt: inner(&mut reader, "mqtt", mqtt::read_mqtt),
         listeners: each(&mut reader, "modbus_tcp", network::read_listener),
@@ -82,6 +87,19 @@ fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
     let journal = JournalFile { location: reader.location().clone(), max_size: reader.optional("max_size", &size) };
     reader.finish();
     journal
+}
+
+fn read_standby(mut reader: Reader<'_, '_>) -> StandbyFile {
+    refuse_not_served(&mut reader, keys::Section::Standby);
+    let standby = StandbyFile {
+        location: reader.location().clone(),
+        half: reader.required("half", &half_kind()),
+        partner: reader.required("partner", &half_kind()),
+        rank: reader.optional("rank", &Kind::number(0..=RANK_MAX)),
+        take_over_after: reader.optional("take_over_after", &Kind::duration(TAKE_OVER).or_word("auto")),
+    };
+    reader.finish();
+    standby
 }
 
 /// A size with its unit, in bytes, if it is valid for a journal.
@@ -139,6 +157,7 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
         min_request_gap: reader.optional("min_request_gap", &Kind::duration(REQUEST_GAP)),
         reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
         max_status_age: reader.optional("max_status_age", &Kind::duration(STATUS_AGE)),
+        standby: reader.optional("standby", &Kind::flag()),
         drives: each(&mut reader, "drive", read_drive),
     };
     if line.drives.is_empty() {
@@ -184,6 +203,12 @@ fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
 fn name_kind() -> Kind<'static, Name> {
     let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", Name::MAX_CHARS);
     Kind::parsed(right, Name::new)
+}
+
+/// The name of a gateway in its pair. It is a part of client identifiers, which are short.
+fn half_kind() -> Kind<'static, Name> {
+    let right = format!("1 to {HALF_CHARS} letters, digits, \"-\", \"_\" or \".\"");
+    Kind::parsed(right, |text| Name::new(text).filter(|_| text.len() <= HALF_CHARS))
 }
 
 fn read_silence(reader: &mut Reader<'_, '_>) -> OptionalKey<Silence> {

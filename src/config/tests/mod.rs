@@ -15,6 +15,7 @@ mod ownership;
 mod points;
 mod ports;
 mod qualified;
+mod standby;
 mod units;
 mod upgrades;
 mod watchdog;

@@ -29,9 +29,9 @@ fn settled(model: &Model, from: &str, to: &str) -> Result<(Ratings, Vec<u16>, bo
     let text = with(&with(CONTROLLED, "[\"F007\"]", "[]"), from, to);
     let mut problems = Vec::new();
     let file = read::read(&text, &mut problems).unwrap();
-    let drive = &file.lines[0].drives[0];
+    let (line, drive) = (&file.lines[0], &file.lines[0].drives[0]);
     let defaults = crate::config::mqtt::Defaults::default();
-    let control = crate::config::control::settle(drive, Some(model), defaults, &Standing::Never, &mut problems);
+    let control = crate::config::control::settle((line, drive), Some(model), defaults, &Standing::Never, &mut problems);
     let ratings = ratings::settle(drive, Some(model), &mut problems);
     if problems.is_empty() {
         let control = control.flatten().unwrap();

@@ -118,6 +118,7 @@ pub(super) const UP: LineReport = LineReport {
     quality: LineQuality { bad_per_cent: Some(12), is_suspended: true },
     suspicion: None,
     waiting: LineWaiting { requests: 4, commands: 2, stops: 1 },
+    standby: None,
 };
 
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.

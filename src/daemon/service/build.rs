@@ -34,7 +34,7 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool, joins_late
         first_epoch,
         asked_before: true,
         joins_late,
-        standby: None,
+        standby: line.standby.as_ref().map(|pair| line_plan::standby_times(line, pair)),
         keeps,
     }
 }
