@@ -25,6 +25,7 @@ pub mod exchange;
 pub mod fault;
 pub mod histogram;
 mod occupancy;
+pub mod overheard;
 mod own_echo;
 pub mod quality;
 pub mod quiet;

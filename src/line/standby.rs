@@ -72,8 +72,8 @@ enum State {
     /// Nothing of another gateway was heard since `quiet_from`; the line is taken over after the usual silence and
     /// `extra`.
     Listening { quiet_from: MonoTime, extra: Duration },
-    /// The last frame was sent at `sent_at`.
-    Active { sent_at: MonoTime },
+    /// The last frame was sent at `sent_at`; the next is due at `probe_at`.
+    Active { sent_at: MonoTime, probe_at: MonoTime },
 }
 
 /// Why the line was given up, or taken.
@@ -125,7 +125,7 @@ impl Standby {
     /// suspended since the frame was decided on.
     #[must_use]
     pub fn may_send(&self, now: MonoTime) -> bool {
-        matches!(self.state, State::Active { sent_at } if now.since(sent_at) <= self.times.silent_at_most)
+        matches!(self.state, State::Active { sent_at, .. } if now.since(sent_at) < self.times.silent_at_most)
     }
 
     /// Whether another gateway or master was heard so recently at `now` that it must be taken for alive.
@@ -144,17 +144,19 @@ impl Standby {
     #[must_use]
     pub fn probe_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Active { sent_at } => Some(sent_at + PROBE_AFTER),
+            State::Active { probe_at, .. } => Some(probe_at),
             State::Deaf | State::Listening { .. } => None,
         }
     }
 
-    /// When a listener takes the line over, unless it hears something before.
+    /// When the role changes: a listener takes the line over unless it hears something before, the active gateway gives
+    /// it up unless it sends something before.
     #[must_use]
-    pub fn due_at(&self) -> Option<MonoTime> {
+    pub fn changes_at(&self) -> Option<MonoTime> {
         match self.state {
+            State::Deaf => None,
             State::Listening { quiet_from, extra } => Some(quiet_from + self.times.take_over_after + extra),
-            State::Deaf | State::Active { .. } => None,
+            State::Active { sent_at, .. } => Some(sent_at + self.times.silent_at_most),
         }
     }
 
@@ -170,10 +172,10 @@ impl Standby {
         matches!(std::mem::replace(&mut self.state, State::Deaf), State::Active { .. })
     }
 
-    /// A frame was decided on at `now`, and is handed to the port after that.
-    pub const fn sent(&mut self, now: MonoTime) {
-        if let State::Active { sent_at } = &mut self.state {
-            *sent_at = now;
+    /// A frame is handed to the port after `now`.
+    pub fn sent(&mut self, now: MonoTime) {
+        if let State::Active { .. } = self.state {
+            self.state = State::Active { sent_at: now, probe_at: now + PROBE_AFTER };
         }
     }
 
@@ -204,7 +206,8 @@ impl Standby {
 
     /// Another gateway gave the line to this one at `now`.
     pub const fn take(&mut self, now: MonoTime) {
-        self.state = State::Active { sent_at: now };
+        // The others must hear it at once: the next rank is waiting.
+        self.state = State::Active { sent_at: now, probe_at: now };
     }
 
     /// Time has passed up to `now`. `is_free`: a frame could be sent now, as far as the wire is concerned.
@@ -216,7 +219,7 @@ impl Standby {
                 self.listen(now);
                 Some(Change::Stalled)
             }
-            State::Listening { .. } if is_free && self.due_at().is_some_and(|due| now >= due) => {
+            State::Listening { .. } if is_free && self.changes_at().is_some_and(|due| now >= due) => {
                 self.take(now);
                 Some(Change::TakenOver)
             }
