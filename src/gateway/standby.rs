@@ -87,6 +87,13 @@ impl LineCore {
         may
     }
 
+    /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
+    pub fn transmitted(&mut self, now: MonoTime) {
+        if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
+            self.give_up_line(now, change, None);
+        }
+    }
+
     pub(super) fn share_port_opened(&mut self, now: MonoTime) {
         if let Some(share) = &mut self.share {
             share.rule.port_opened(now);

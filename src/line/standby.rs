@@ -26,6 +26,9 @@ const TAKE_OVER_AT_LEAST: Duration = Duration::from_millis(2500);
 const SLACK: Duration = Duration::from_millis(500);
 /// How long an adapter may hold received bytes back: the longest latency timer of common USB adapters.
 const HELD_BACK: Duration = Duration::from_millis(255);
+/// How long handing a frame to the port may take. One that took longer was sent late: another gateway may have taken
+/// the line over in between.
+const HAND_OVER_MAX: Duration = Duration::from_millis(250);
 /// Two clocks differ by at most one part in this many.
 const DRIFT: u32 = 50;
 
@@ -45,7 +48,8 @@ impl StandbyTimes {
     pub fn shortest(timing: &Timing, longest_exchange: Duration) -> Self {
         let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(PROBE_AFTER) + SLACK);
         let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
-        let take_over_after = TAKE_OVER_AT_LEAST.max(silent_at_most + silent_at_most / DRIFT + frame + HELD_BACK);
+        let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
+        let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
         Self { silent_at_most, take_over_after }
     }
 
@@ -179,6 +183,17 @@ impl Standby {
         }
     }
 
+    /// At `now`, that frame was handed to the port. If that took too long, the line is given up.
+    pub fn was_sent(&mut self, now: MonoTime) -> Option<Change> {
+        match self.state {
+            State::Active { sent_at, .. } if now.since(sent_at) > HAND_OVER_MAX => {
+                self.listen(now);
+                Some(Change::Stalled)
+            }
+            _ => None,
+        }
+    }
+
     /// A sound frame that is not of this gateway was received at `now`, while it listens: somebody sends.
     pub fn heard(&mut self, now: MonoTime) {
         if let State::Listening { quiet_from, .. } = &mut self.state {
@@ -237,3 +252,6 @@ impl Standby {
         self.state = State::Listening { quiet_from: now, extra: TIE_BREAK * thousandths / 1000 };
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -65,6 +65,7 @@ fn a_control_section_gets_its_defaults() {
             stores_native_writes: false,
             require_watchdog: false,
             watchdog: None,
+            on_gateway_lost: None,
             failsafe_confirm_timeout: seconds(5),
         }
     );

@@ -74,6 +74,7 @@ impl LineTask<'_> {
                         && self.core.may_transmit(clock::now())
                     {
                         device.write_frame(&frame)?;
+                        self.core.transmitted(clock::now());
                     }
                 }
                 Effect::Reopen(fault) => self.to_reopen = Some(fault),
