@@ -245,6 +245,8 @@ mod adapter;
 mod chromium;
 #[path = "process/hass.rs"]
 mod hass;
+#[path = "process/hub/mod.rs"]
+mod hub;
 #[path = "process/meddler.rs"]
 mod meddler;
 #[path = "process/mistakes.rs"]
