@@ -391,4 +391,24 @@ mod tests {
         assert!(hub.frames(seen).iter().any(|frame| frame.from == 0 && frame.is_sound()));
         assert_eq!(hub.output(1), 0);
     }
+
+    /// What looks for two masters finds them.
+    #[test]
+    fn two_gateways_that_do_not_know_of_each_other_are_seen_as_two_masters() {
+        let place = Place::new();
+        let ports = ["one", "other"].map(|name| place.file(name));
+        let [one, other] = ports.clone().map(At::Port);
+        let hub = Hub::new(38_400, vec![one, At::Drives(&[1]), other]);
+        let gateways = ports.map(|port| {
+            let gateway = gateway(&place, &port);
+            gateway.wait_for_drive();
+            gateway
+        });
+        for gateway in gateways.iter().cycle().take(20) {
+            // One may damage what the other asks.
+            let _ = super::super::raw::Raw::connect(gateway.address).read(0x0211, 1);
+        }
+        let met = meetings(&hub.frames(0), &[0, 2]);
+        assert!(met.iter().any(|meeting| meeting.frames > 1), "{met:?}");
+    }
 }
