@@ -36,6 +36,8 @@ const TURNAROUND: Duration = Duration::from_millis(2);
 pub enum At {
     /// A port that a program opens by this name.
     Port(PathBuf),
+    /// The same behind an adapter that hears itself.
+    Echoing(PathBuf),
     /// N700 drives with ramps of a second.
     Drives(&'static [u8]),
 }
@@ -140,6 +142,7 @@ enum End {
     Port {
         link: PathBuf,
         pty: Option<Pty>,
+        echoes: bool,
         /// What it has heard and the program has not got yet.
         heard: Vec<u8>,
     },
@@ -148,8 +151,10 @@ enum End {
 
 impl End {
     fn new(at: At, link: LinkSettings) -> Self {
+        let port = |link: PathBuf, echoes| Self::Port { pty: Some(plugged_in(&link)), link, echoes, heard: Vec::new() };
         match at {
-            At::Port(link) => Self::Port { pty: Some(plugged_in(&link)), link, heard: Vec::new() },
+            At::Port(link) => port(link, false),
+            At::Echoing(link) => port(link, true),
             At::Drives(stations) => Self::Drives(Box::new(drives(stations, link))),
         }
     }
@@ -252,6 +257,9 @@ impl Player {
     fn pass_on(&mut self, now: MonoTime) {
         while let Some((character, hearers)) = self.wire.take(now) {
             self.seen.lock().unwrap().record.add(&character);
+            if let End::Port { echoes: true, heard, .. } = &mut self.ends[character.from] {
+                heard.push(character.heard);
+            }
             for hearer in hearers {
                 match &mut self.ends[hearer] {
                     End::Port { pty, heard, .. } if pty.is_some() => heard.push(character.heard),

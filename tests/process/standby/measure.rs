@@ -41,8 +41,7 @@ struct Found {
 #[test]
 #[ignore = "a measurement of many minutes"]
 fn how_long_a_drive_runs_on_when_its_gateway_is_lost() {
-    let rounds = std::env::var("ROUNDS").map_or(20, |text| text.parse().expect("ROUNDS is a number"));
-    let buses: usize = std::env::var("BUSES").map_or(2, |text| text.parse().expect("BUSES is a number"));
+    let (rounds, buses) = (rounds(), buses());
     let begun = clock::now();
     let rows: Vec<_> = std::thread::scope(|scope| {
         let cases = [9_600, 38_400]
@@ -121,6 +120,52 @@ fn measured(baud: u32, loss: Loss, rounds: usize) -> Found {
         active = next;
     }
     found
+}
+
+/// `ROUNDS=200 cargo test --locked --test process stalls_of_any_length -- --ignored --nocapture`
+#[test]
+#[ignore = "minutes"]
+fn stalls_of_any_length_never_make_two_masters() {
+    let rounds = rounds();
+    std::thread::scope(|scope| {
+        for bus in 0..buses() {
+            scope.spawn(move || stall_again_and_again(bus, rounds / buses()));
+        }
+    });
+}
+
+fn stall_again_and_again(bus: usize, rounds: usize) {
+    let mut pair = Pair::new([9_600, 38_400][bus % 2]);
+    let mut random = fastrand::Rng::with_seed(bus as u64);
+    pair.start_one_behind_the_other();
+    let mut changes = 0;
+    for round in 0..rounds {
+        let from = pair.hub.count();
+        let active = pair.wait_for_master(from);
+        pair.run(active, 1);
+        let seen = pair.hub.count();
+        std::thread::sleep(Duration::from_millis(random.u64(0..700)));
+        pair.program(active).signal("STOP");
+        // Around the moments at which the one gives up and the other one takes over.
+        std::thread::sleep(Duration::from_millis(random.u64(1_200..3_800)));
+        pair.program(active).signal("CONT");
+        std::thread::sleep(Duration::from_millis(random.u64(0..6_000)));
+        let orders = pair.orders(seen);
+        let met = meetings(&pair.hub.frames(from), &[A, B]);
+        assert!(orders.iter().all(|order| (order.1, order.2, order.3) == (1, STOP.0, STOP.1)), "{round}: {orders:?}");
+        assert!(met.iter().all(|meeting| meeting.frames <= 1), "{round}: {met:?}");
+        let now = pair.hub.count();
+        changes += usize::from(pair.wait_for_master(now) != active);
+    }
+    println!("bus {bus}: {rounds} stalls of the active one, {changes} changes, never two masters");
+}
+
+fn rounds() -> usize {
+    std::env::var("ROUNDS").map_or(20, |text| text.parse().expect("ROUNDS is a number"))
+}
+
+fn buses() -> usize {
+    std::env::var("BUSES").map_or(2, |text| text.parse().expect("BUSES is a number"))
 }
 
 fn lose(pair: &mut Pair, end: usize, loss: Loss) -> MonoTime {

@@ -8,13 +8,16 @@ mod virtual_address;
 use super::hub::meetings;
 use super::raw::Raw;
 use super::started::until;
-use pair::{A, B, PATIENCE, Pair, REASON, other};
+use pair::{A, B, PATIENCE, Pair, REASON, Wish, other};
+use std::io::Write;
 use std::time::Duration;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::command::Reason;
 
 /// No listener takes a line sooner, whatever is configured.
 const LISTENS_AT_LEAST: Duration = Duration::from_secs(2);
+/// The uniform register with the output frequency in 0.01 Hz.
+const OUTPUT: u16 = 4;
 /// So many requests of the active one are a few seconds in which the other had time to speak.
 const A_WHILE: usize = 60;
 
@@ -42,12 +45,12 @@ fn what_a_killed_gateway_has_left_running_is_stopped_by_the_other() {
     pair.kill(A);
     let seen = pair.hub.count();
     the_declared_actions_follow(&pair, seen);
-    pair.assert_silent(A, seen);
+    pair.assert_silent(A, seen..);
     // It is back, and the other one goes on.
     let back = pair.hub.count();
     pair.start(A);
     pair.wait_for_requests(B, A_WHILE, back);
-    pair.assert_silent(A, back);
+    pair.assert_silent(A, back..);
     pair.assert_only_stopped_by(B, seen);
     // Commands are taken where the line is, and nowhere else.
     pair.run(B, 1);
@@ -71,7 +74,7 @@ fn a_gateway_that_hung_for_seconds_sends_nothing_when_it_goes_on() {
     pair.wait_for_stop(B, seen);
     pair.program(A).signal("CONT");
     the_declared_actions_follow(&pair, seen);
-    pair.assert_silent(A, seen);
+    pair.assert_silent(A, seen..);
     pair.assert_one_master();
 }
 
@@ -100,7 +103,7 @@ fn a_gateway_whose_adapter_is_out_has_lost_the_line() {
     pair.half(A).wait_until_its_line_is_up(2);
     let back = pair.hub.count();
     pair.wait_for_requests(B, A_WHILE, back);
-    pair.assert_silent(A, seen);
+    pair.assert_silent(A, seen..);
     pair.assert_one_master();
 }
 
@@ -116,7 +119,7 @@ fn of_two_that_start_at_once_one_becomes_active() {
     let active = pair.wait_for_master(0);
     let seen = pair.hub.count();
     pair.wait_for_requests(active, A_WHILE, seen);
-    pair.assert_silent(other(active), seen);
+    pair.assert_silent(other(active), seen..);
     assert_eq!(pair.orders(0), [], "a start moves nothing");
     pair.assert_one_master();
 }
@@ -134,10 +137,10 @@ fn a_listener_refuses_commands_by_its_reason_and_shows_what_it_hears() {
     }
     pair.wait_for_requests(A, A_WHILE, seen);
     assert_eq!(pair.orders(seen), []);
-    pair.assert_silent(B, 0);
+    pair.assert_silent(B, 0..);
     pair.assert_turns(2);
     // What the drive says to the one is seen at the other.
-    let output = |end: usize| Raw::connect(pair.half(end).modbus).read_unit(102, 3, 1);
+    let output = |end: usize| Raw::connect(pair.half(end).modbus).read_unit(102, OUTPUT, 1);
     until("both show the same output", PATIENCE, || {
         (matches!(output(A).as_deref(), Ok([3000])) && output(B) == output(A)).then_some(())
     });
@@ -149,15 +152,62 @@ fn when_a_cut_pair_is_whole_again_one_of_the_two_masters_leaves() {
     let pair = running();
     pair.hub.cut_behind(1);
     let seen = pair.hub.count();
-    pair.wait_for_requests(B, A_WHILE, seen);
+    pair.wait_for_requests(B, 4, seen);
     pair.wait_for_requests(A, A_WHILE, seen);
     let repaired = pair.hub.repair();
     let seen = pair.hub.count();
     let active = pair.wait_for_master(seen);
     let left = pair.hub.count();
     pair.wait_for_requests(active, A_WHILE, left);
-    pair.assert_silent(other(active), left);
+    pair.assert_silent(other(active), left..);
     let met = meetings(&pair.hub.frames(seen), &[A, B]);
     println!("repaired at {repaired:?}; {met:?}");
     assert!(pair.orders(seen).iter().all(|order| order.3 == 0), "no motion: {:?}", pair.orders(seen));
+}
+
+#[test]
+fn adapters_that_hear_themselves_make_no_rivals() {
+    let mut pair = Pair::with(Wish { echoes: true, ..Wish::at(9_600) });
+    pair.start_one_behind_the_other();
+    pair.run(A, 1);
+    pair.kill(A);
+    let seen = pair.hub.count();
+    pair.wait_for_stop(B, seen);
+    pair.wait_until_it_stands(1);
+    pair.wait_for_requests(B, A_WHILE, seen);
+    pair.assert_only_stopped_by(B, seen);
+    pair.assert_silent(B, 0..seen);
+    pair.assert_one_master();
+}
+
+#[test]
+fn where_no_drive_answers_there_is_one_master_at_a_time() {
+    let mut pair = Pair::with(Wish { drives_are_off: true, ..Wish::at(9_600) });
+    pair.start_one_behind_the_other();
+    std::thread::sleep(Duration::from_secs(30));
+    pair.assert_one_master();
+}
+
+#[test]
+fn a_master_that_is_no_gateway_gets_the_line_and_is_named() {
+    let pair = running();
+    let mut foreign = pair.foreign();
+    // A read of station 1. One that falls into a frame of the active gateway is not heard.
+    let said = || pair.program(A).text().contains("rival_on_line");
+    until("the rival is named", PATIENCE, || {
+        foreign.write_all(&[1, 3, 1, 1, 0, 1, 0xD4, 0x36]).unwrap();
+        std::thread::sleep(Duration::from_millis(97));
+        said().then_some(())
+    });
+    let seen = pair.hub.count();
+    for _ in 0..60 {
+        foreign.write_all(&[1, 3, 1, 1, 0, 1, 0xD4, 0x36]).unwrap();
+        std::thread::sleep(Duration::from_millis(97));
+    }
+    let until = pair.hub.count();
+    pair.assert_silent(A, seen..until);
+    pair.assert_silent(B, seen..until);
+    // When it is silent, one of the two takes the line again.
+    pair.wait_for_master(until);
+    pair.assert_one_master();
 }

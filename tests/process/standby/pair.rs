@@ -2,9 +2,11 @@
 
 use super::super::hub::{At, Frame, Hub, meetings};
 use super::super::raw::Raw;
-use super::super::rig::{Place, fields, program, vfd_gateway};
+use super::super::rig::{Place, fields, program, terminal, vfd_gateway};
 use super::super::started::{Started, until};
+use std::fs::File;
 use std::net::SocketAddr;
+use std::ops::RangeBounds;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
@@ -26,10 +28,31 @@ const TURNS: i64 = 25_000_000;
 /// An order that went over the bus: its sender, station, register and word.
 pub type Order = (usize, u8, u16, u16);
 
+/// How the bus of a pair differs from the usual one.
+#[derive(Clone, Copy)]
+pub struct Wish<'a> {
+    pub baud: u32,
+    /// Where the halves listen for Modbus TCP, and from which network they may be commanded.
+    pub listen: [&'a str; 2],
+    pub write: &'a str,
+    /// Both adapters hear themselves.
+    pub echoes: bool,
+    /// The drives have no power.
+    pub drives_are_off: bool,
+}
+
+impl Wish<'_> {
+    /// The usual pair at `baud`.
+    pub const fn at(baud: u32) -> Self {
+        let listen = ["127.0.0.1:0"; 2];
+        Self { baud, listen, write: "127.0.0.1/32", echoes: false, drives_are_off: false }
+    }
+}
+
 pub struct Pair {
     pub halves: [Half; 2],
     pub hub: Hub,
-    _place: Place,
+    place: Place,
 }
 
 /// One of the two gateways.
@@ -51,23 +74,27 @@ impl Pair {
     /// Both halves configured, and none started. The drive at station 1 is to be stopped when its gateway is lost, and the
     /// one at station 2 to be left alone.
     pub fn new(baud: u32) -> Self {
-        Self::listening(baud, ["127.0.0.1:0", "127.0.0.1:0"], "127.0.0.1/32")
+        Self::with(Wish::at(baud))
     }
 
-    /// The same, with Modbus TCP at these addresses, and writing from this network.
-    pub fn listening(baud: u32, listen: [&str; 2], write: &str) -> Self {
+    pub fn with(wish: Wish<'_>) -> Self {
+        let Wish { baud, write, echoes, .. } = wish;
         let place = Place::new();
-        let port = |name: &str| At::Port(place.file(name));
-        let hub = Hub::new(baud, vec![port("line-a"), At::Drives(&[1, 2]), port("line-b")]);
+        let port = |name: &str| if echoes { At::Echoing(place.file(name)) } else { At::Port(place.file(name)) };
+        let drives = At::Drives(if wish.drives_are_off { &[] } else { &[1, 2] });
+        // At the last end a test may speak itself.
+        let ends = vec![port("line-a"), drives, port("line-b"), At::Port(place.file("foreign"))];
+        let hub = Hub::new(baud, ends);
+        let echo = if echoes { "echo = \"strip\"\n" } else { "" };
         let halves = [(A, "a", "b", 0), (B, "b", "a", 1)].map(|(end, name, partner, rank)| {
             let data = place.file(&format!("data-{name}"));
             std::fs::create_dir(&data).unwrap();
-            let listen = listen[usize::from(end == B)];
+            let listen = wish.listen[usize::from(end == B)];
             let line = place.file(&format!("line-{name}"));
             let head = format!(
                 "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n[standby]\nhalf = \"{name}\"\npartner = \"{partner}\"\n\
                  rank = {rank}\n\n[[modbus_tcp]]\nlisten = \"{listen}\"\nwrite = [\"{write}\"]\n\n[[line]]\n\
-                 name = \"hall-1\"\nport = \"{}\"\nbaud = {baud}\nstandby = true\n",
+                 name = \"hall-1\"\nport = \"{}\"\nbaud = {baud}\nstandby = true\n{echo}",
                 data.display(),
                 line.display()
             );
@@ -75,7 +102,12 @@ impl Pair {
             let file = place.write(&format!("{name}.toml"), &text);
             Half { end, file, modbus: ([127, 0, 0, 1], 0).into(), inside: Vec::new(), program: None }
         });
-        Self { halves, hub, _place: place }
+        Self { halves, hub, place }
+    }
+
+    /// The port of somebody else on the bus.
+    pub fn foreign(&self) -> File {
+        terminal(&self.place.file("foreign"))
     }
 
     pub fn half(&self, end: usize) -> &Half {
@@ -183,10 +215,12 @@ impl Pair {
         assert!(!orders.is_empty() && orders.iter().all(is_stop), "{orders:?}");
     }
 
-    /// Behind the first `seen` frames `end` has sent nothing.
+    /// Among these frames `end` has sent none.
     #[track_caller]
-    pub fn assert_silent(&self, end: usize, seen: usize) {
-        let sent: Vec<_> = self.hub.frames(seen).into_iter().filter(|frame| frame.from == end).collect();
+    pub fn assert_silent(&self, end: usize, frames: impl RangeBounds<usize>) {
+        let all = self.hub.frames(0).into_iter().enumerate();
+        let among = all.filter(|(number, _)| frames.contains(number)).map(|(_, frame)| frame);
+        let sent: Vec<_> = among.filter(|frame| frame.from == end).collect();
         assert!(sent.is_empty(), "{sent:?}");
     }
 

@@ -4,7 +4,7 @@
 use super::super::outsiders::mbpoll_output;
 use super::super::rig::{Place, text_of, vfd_gateway};
 use super::super::started::{Started, until};
-use super::pair::{A, B, PATIENCE, Pair, other};
+use super::pair::{A, B, PATIENCE, Pair, Wish, other};
 use std::process::{Command, Output};
 
 /// As in `deploy/keepalived/keepalived.conf`.
@@ -128,7 +128,7 @@ fn keepalived(network: &Network, number: usize, place: &Place, pair: &Pair) -> S
 #[test]
 fn one_address_follows_the_active_gateway_and_clients_read_through_it() {
     let network = Network::new();
-    let mut pair = Pair::listening(9_600, ["0.0.0.0:1502"; 2], "192.0.2.0/24");
+    let mut pair = Pair::with(Wish { listen: ["0.0.0.0:1502"; 2], write: "192.0.2.0/24", ..Wish::at(9_600) });
     for (number, half) in pair.halves.iter_mut().enumerate() {
         half.inside = [vec!["nsenter".to_owned()], entering(&network.hosts[number])].concat();
     }
