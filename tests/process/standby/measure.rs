@@ -114,6 +114,7 @@ fn measured(baud: u32, loss: Loss, rounds: usize) -> Found {
         let met = meetings(&pair.hub.frames(from), &[A, B]);
         if wrong > 0 || met.iter().any(|meeting| meeting.frames > 1) {
             println!("{baud} {loss}, round {round}: {:?}, {met:?}", pair.orders(seen));
+            println!("{}", pair.told(pair.hub.frames(seen)));
         }
         found.wrong += wrong;
         found.met.extend(met.into_iter().map(|meeting| (meeting.frames, meeting.lasted)));

@@ -4,6 +4,7 @@ use super::super::hub::{At, Frame, Hub, meetings};
 use super::super::raw::Raw;
 use super::super::rig::{Place, fields, program, terminal, vfd_gateway};
 use super::super::started::{Started, until};
+use std::fmt::Write as _;
 use std::fs::File;
 use std::net::SocketAddr;
 use std::ops::RangeBounds;
@@ -24,6 +25,10 @@ const SETPOINT: u16 = 257;
 pub const REASON: u16 = 261;
 /// In microhertz.
 const TURNS: i64 = 25_000_000;
+
+/// How many frames, and lines of each log, a test that fails prints.
+const FRAMES_TOLD: usize = 3000;
+const LINES_TOLD: usize = 40;
 
 /// An order that went over the bus: its sender, station, register and word.
 pub type Order = (usize, u8, u16, u16);
@@ -147,13 +152,17 @@ impl Pair {
         self.half(end).program.as_ref().expect("it was started")
     }
 
-    /// Waits for a request behind the first `seen` frames that only one half has sent for a second; returns its end.
+    /// Waits until only one half has sent for a second, behind the first `seen` frames; returns its end.
     pub fn wait_for_master(&self, seen: usize) -> usize {
+        self.wait_for_master_for(Duration::from_secs(1), seen)
+    }
+
+    /// The same for another time.
+    pub fn wait_for_master_for(&self, time: Duration, seen: usize) -> usize {
         until("one is active", PATIENCE, || {
             let now = vfd_gateway::daemon::host::clock::now();
             let requests = requests(self.hub.frames(seen));
-            let newest: Vec<_> =
-                requests.iter().filter(|frame| now.since(frame.start) < Duration::from_secs(1)).collect();
+            let newest: Vec<_> = requests.iter().filter(|frame| now.since(frame.start) < time).collect();
             let first = newest.first()?.from;
             (newest.len() > 1 && newest.iter().all(|frame| frame.from == first)).then_some(first)
         })
@@ -231,12 +240,38 @@ impl Pair {
         assert!(met.iter().all(|meeting| meeting.frames <= 1), "{met:?}");
     }
 
+    /// These frames, and what the halves had to say so far.
+    pub fn told(&self, frames: Vec<Frame>) -> String {
+        let mut text = String::new();
+        for Frame { from, start, bytes, is_damaged, .. } in &frames {
+            let damaged = if *is_damaged { " damaged" } else { "" };
+            let _ = writeln!(text, "{start:?} {from} {bytes:02X?}{damaged}");
+        }
+        for half in &self.halves {
+            let said = half.program.as_ref().map(Started::text).unwrap_or_default();
+            let lines: Vec<_> = said.lines().rev().take(LINES_TOLD).collect();
+            let _ = writeln!(text, "half at {}:", half.end);
+            lines.iter().rev().for_each(|line| text.push_str(&format!("  {line}\n")));
+        }
+        text + &format!("now it is {:?}", vfd_gateway::daemon::host::clock::now())
+    }
+
     /// What `check` prints of a half.
     pub fn checked(&self, end: usize) -> String {
         let output = vfd_gateway(&["check", "-c", self.half(end).file.to_str().unwrap()]);
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
         said
+    }
+}
+
+/// A test that fails says what went over the bus at its end, and what the halves had to say.
+impl Drop for Pair {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            return;
+        }
+        println!("{}", self.told(self.hub.frames(self.hub.count().saturating_sub(FRAMES_TOLD))));
     }
 }
 
