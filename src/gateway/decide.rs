@@ -40,7 +40,7 @@ impl LineCore {
         if !self.is_open || self.wire.is_busy() || now < self.free_from() || !self.may_send(now) {
             return;
         }
-        if self.stop_all(now) {
+        if self.stop_all(now) || self.hand_over(now) {
             return;
         }
         let picked = self.pick(now).or_else(|| self.pick_sign_of_life(now));
@@ -234,7 +234,7 @@ impl LineCore {
         if self.listens() {
             return None;
         }
-        let work = self.work_at().into_iter().chain(self.sign_of_life_at()).min()?;
+        let work = [self.work_at(), self.sign_of_life_at(), self.yields_at()].into_iter().flatten().min()?;
         Some(if work > silence {
             Wake { at: work, reason: WakeReason::WorkDue }
         } else {

@@ -204,6 +204,8 @@ impl LineCore {
                 continue;
             }
             match heard.kind {
+                // The adapter does not echo: another gateway has asked the same.
+                TrafficKind::Echo if self.is_no_echo() => rival = Some(heard.bytes.clone()),
                 TrafficKind::Request => {}
                 TrafficKind::Reply => was_answered = true,
                 TrafficKind::Echo => self.counters.echoes += 1,
@@ -227,7 +229,9 @@ impl LineCore {
                     flight.into_iter().for_each(|flight| flight.noise += heard.bytes.len());
                 }
             }
-            self.echo.heard(heard.kind, &heard.bytes);
+            if rival.is_none() {
+                self.echo.heard(heard.kind, &heard.bytes);
+            }
             self.health.diagnosis.heard(heard.kind, &heard.bytes);
             self.health.damage.heard(heard.kind, &heard.bytes);
             self.tell_of(heard);

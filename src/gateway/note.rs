@@ -119,6 +119,9 @@ pub enum LineNote {
     /// This gateway sends on the line from now on.
     #[error("active on the line: no other gateway was heard")]
     TakenOver,
+    /// The same, because the line was handed over.
+    #[error("active on the line: the other gateway handed it over")]
+    HandedOver,
     /// Another gateway of the line is to send.
     #[error("listening on the line: {}", given_up(.0))]
     GivenUp(Change),
@@ -163,7 +166,7 @@ const fn given_up(change: &Change) -> &'static str {
         Change::Stalled => "nothing was sent for too long, so another gateway may have taken it over",
         Change::Rival => "another master was heard",
         Change::Yielded => "it was given up on request",
-        Change::TakenOver => "it was taken over",
+        Change::TakenOver | Change::HandedOver => "it was taken over",
     }
 }
 

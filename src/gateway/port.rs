@@ -44,8 +44,9 @@ impl LineCore {
         self.health.is_mute &= fault == LineFault::Mute;
         self.counters.port_downs += 1;
         self.lose_exchange(now);
-        self.end_waiting(now);
+        // What it ordered itself is kept in mind before it is forgotten.
         self.share_port_gone(now);
+        self.end_waiting(now);
     }
 
     /// What is on the wire is lost; its reply may still arrive, later.

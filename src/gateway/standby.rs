@@ -5,20 +5,27 @@ use super::decide::Picked;
 use super::event::{Effect, Wake, WakeReason};
 use super::note::{HeardFrame, LineNote};
 use super::setup::LineSetup;
+use super::work::DriveWork;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::LineFault;
 use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
+use crate::domain::traffic::Why;
 use crate::drive::decode;
 use crate::drive::snapshot::Presence;
+use crate::line::echo::LocalEcho;
 use crate::line::exchange::{Ending, Heard};
+use crate::line::handover;
 use crate::line::overheard::{Listener, Overheard};
 use crate::line::standby::{Change, Standby};
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
+use std::time::Duration;
 
+/// How long a line that is to be handed over waits for a moment at which nothing is under way.
+const YIELD_WAIT: Duration = Duration::from_secs(5);
 /// Requests in a row that a station leaves unanswered before a listener shows it as offline.
 const SILENT_AFTER: u8 = 3;
 
@@ -31,6 +38,10 @@ pub(super) struct Share {
     unanswered: Vec<u8>,
     /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
     has_heard_other: bool,
+    /// Until when the line is to be handed over, as soon as nothing is under way.
+    yields_until: Option<MonoTime>,
+    /// The frame that hands it over is on its way to the port.
+    hands_over: bool,
     take_overs: u64,
     given_up: u64,
     rivals: u64,
@@ -44,6 +55,8 @@ impl Share {
             listener: Listener::default(),
             unanswered: vec![0; setup.drives.len()],
             has_heard_other: false,
+            yields_until: None,
+            hands_over: false,
             take_overs: 0,
             given_up: 0,
             rivals: 0,
@@ -89,6 +102,10 @@ impl LineCore {
 
     /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
     pub fn transmitted(&mut self, now: MonoTime) {
+        let hands_over = self.share.as_mut().is_some_and(|share| std::mem::take(&mut share.hands_over));
+        if hands_over {
+            return self.give_way(now);
+        }
         if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
             self.give_up_line(now, change, None);
         }
@@ -108,8 +125,42 @@ impl LineCore {
         }
     }
 
-    /// The operator wants another gateway to take the line over.
+    /// The operator wants another gateway to take the line over: it is handed over as soon as nothing is under way.
     pub(super) fn on_yield(&mut self, now: MonoTime) {
+        if let Some(share) = self.share.as_mut().filter(|share| share.rule.role() == LineRole::Active) {
+            share.yields_until = Some(now + YIELD_WAIT);
+        }
+    }
+
+    /// Hands the line over at `now`, if that is wanted, and nothing is under way. Returns whether the frame for that is on
+    /// its way.
+    pub(super) fn hand_over(&mut self, now: MonoTime) -> bool {
+        let is_busy = self.drives.works().any(DriveWork::has_orders);
+        let Some(share) = self.share.as_mut().filter(|share| share.yields_until.is_some()) else { return false };
+        if share.yields_until.is_some_and(|until| now >= until) {
+            share.yields_until = None;
+            return false;
+        }
+        if is_busy || self.drives.at_station(handover::STATION).is_some() {
+            return false;
+        }
+        share.yields_until = None;
+        share.hands_over = true;
+        let mut frame = Vec::with_capacity(16);
+        self.wire.announce(now, handover::STATION.0, &handover::PDU, &mut frame);
+        self.counters.requests += 1;
+        self.transmit(now, frame, Why::Probe);
+        true
+    }
+
+    /// When the line may be handed over, if that is wanted.
+    pub(super) fn yields_at(&self) -> Option<MonoTime> {
+        let until = self.share.as_ref()?.yields_until?;
+        Some(if self.drives.works().any(DriveWork::has_orders) { until } else { MonoTime::ZERO })
+    }
+
+    /// The frame that hands the line over is out.
+    fn give_way(&mut self, now: MonoTime) {
         let Some(share) = &mut self.share else { return };
         // Every rank has had its turn by then.
         let wait = share.rule.times().take_over_after;
@@ -124,7 +175,9 @@ impl LineCore {
         let change = self.share.as_mut().and_then(|share| share.rule.pass(now, is_free));
         match change {
             None => {}
-            Some(Change::TakenOver) => self.take_line_over(now),
+            Some(change @ (Change::TakenOver | Change::HandedOver)) => {
+                self.take_line_over(now, change == Change::HandedOver);
+            }
             Some(change) => self.give_up_line(now, change, None),
         }
     }
@@ -141,7 +194,7 @@ impl LineCore {
     /// When the share in the line changes, if nothing is heard or sent before.
     pub(super) fn share_wake(&self) -> Option<Wake> {
         let share = self.share.as_ref().filter(|_| self.is_open)?;
-        let at = share.rule.changes_at()?;
+        let at = share.rule.due_at()?;
         let at = if share.rule.role() == LineRole::Active { at } else { at.max(self.wire.may_send_from()) };
         let at = if self.health.trouble == Some(LineFault::Echo) { at.max(self.health.probe_at) } else { at };
         // A jam ends with a silence, which has a wake of its own.
@@ -180,9 +233,19 @@ impl LineCore {
 
     fn overhear(&mut self, now: MonoTime, at: MonoTime, station: Station, pdu: &[u8]) {
         let Some(share) = &mut self.share else { return };
-        share.rule.heard(at);
+        if handover::is_handover(station, pdu) {
+            share.listener.clear();
+            share.has_heard_other = true;
+            return share.rule.handed_over(at);
+        }
+        let overheard = share.listener.take(station, pdu);
+        // A reply alone may be the late one to a request of our own.
+        if overheard == Overheard::Alone {
+            return share.rule.heard_alone(at);
+        }
         share.has_heard_other = true;
-        match share.listener.take(station, pdu) {
+        share.rule.heard(at);
+        match overheard {
             Overheard::Request { station, request, unanswered } => {
                 if let Some(index) = unanswered.and_then(|station| self.drives.at_station(station)) {
                     self.is_unanswered(now, index);
@@ -246,6 +309,12 @@ impl LineCore {
         }
     }
 
+    /// Whether a copy of our own frame comes from another gateway: they ask the same drives the same questions, and the
+    /// adapter is known not to echo.
+    pub(super) const fn is_no_echo(&self) -> bool {
+        self.share.is_some() && matches!(self.echo.known(), LocalEcho::Excluded | LocalEcho::NotSeen)
+    }
+
     /// Another master asked something while this gateway is active: there are two.
     pub(super) fn hears_rival(&mut self, now: MonoTime, frame: &[u8]) {
         let Some(share) = &mut self.share else { return };
@@ -283,14 +352,18 @@ impl LineCore {
         }
     }
 
-    /// Nothing was heard for long enough: this gateway sends from now on.
-    fn take_line_over(&mut self, now: MonoTime) {
+    /// Nothing was heard for long enough, or the line was handed over: this gateway sends from now on.
+    fn take_line_over(&mut self, now: MonoTime, was_handed_over: bool) {
         let Some(share) = &mut self.share else { return };
         share.take_overs += 1;
         share.listener.clear();
         let heard_at = share.rule.heard_at();
         let is_first = !share.has_heard_other;
-        self.effects.push_back(Effect::LineNote(LineNote::TakenOver));
+        self.effects.push_back(Effect::LineNote(if was_handed_over {
+            LineNote::HandedOver
+        } else {
+            LineNote::TakenOver
+        }));
         for drive in self.drives.iter_mut() {
             if let Some(heard_at) = heard_at {
                 // The last request of the other gateway may have been any.
@@ -300,7 +373,7 @@ impl LineCore {
                 let remembered = drive.setup.remembered;
                 drive.work.remember_orders(&remembered, now, &mut self.effects);
             } else {
-                drive.work.take_over(now, &mut self.effects);
+                drive.work.take_over(now, was_handed_over, &mut self.effects);
             }
         }
         if let Some(share) = &mut self.share {

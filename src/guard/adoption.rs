@@ -2,7 +2,7 @@
 //! client can come back here. Nothing is started by that.
 
 use super::state::{DriveGuard, Lost};
-use crate::domain::command::{Direction, Order, Owner, RunIntent};
+use crate::domain::command::{Direction, Manner, Order, Origin, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::standby::OnGatewayLost;
 use crate::domain::time::MonoTime;
@@ -19,12 +19,13 @@ pub(super) struct Adopted {
 
 impl DriveGuard {
     /// This gateway takes the line over from another at `now`. The drive is ordered to run, in `direction` if that is
-    /// known. Returns the declared action; `None` if the drive goes on.
-    pub fn gateway_lost(&mut self, direction: Option<Direction>, now: MonoTime) -> Option<Lost> {
+    /// known. Returns the declared action; `None` if the drive goes on, as it does where the line was handed over.
+    pub fn gateway_left(&mut self, direction: Option<Direction>, was_handed_over: bool, now: MonoTime) -> Option<Lost> {
         let control = self.control.clone()?;
         self.lease = None;
         self.inhibit(now);
-        let action = match control.on_gateway_lost.unwrap_or(OnGatewayLost::Stop) {
+        let declared = control.on_gateway_lost.unwrap_or(OnGatewayLost::Stop);
+        let action = match if was_handed_over { OnGatewayLost::Adopt } else { declared } {
             OnGatewayLost::Stop => FailSafe::Stop,
             OnGatewayLost::Coast => FailSafe::Coast,
             OnGatewayLost::Hold => FailSafe::Hold,
@@ -64,10 +65,12 @@ impl DriveGuard {
         None
     }
 
-    /// `owner` gives an order: if it repeats the adopted one, or steers it, control is its own.
-    pub(super) fn take_up(&mut self, owner: Owner, order: &Order, now: MonoTime) {
+    /// The client of `origin` gives an order: if it repeats the adopted one in its cycle, or renews its lease, control is
+    /// its own. A single message to run is reviewed like any other: it may be older than the loss.
+    pub(super) fn take_up(&mut self, origin: Origin, order: &Order, now: MonoTime) {
         let Some(adopted) = self.adopted else { return };
         let is_his = match order {
+            Order::Go(_) if origin.manner == Manner::Once => false,
             Order::Go(go) => match go.run() {
                 Some(direction) => direction == adopted.direction,
                 None => go.frequency().is_some(),
@@ -78,7 +81,7 @@ impl DriveGuard {
             }
         };
         if is_his {
-            self.taken_up_by(owner, now);
+            self.taken_up_by(origin.owner, now);
         }
     }
 
@@ -94,7 +97,6 @@ impl DriveGuard {
     }
 
     fn taken_up_by(&mut self, owner: Owner, now: MonoTime) {
-        self.adopted = None;
         self.armed.add(owner, MonoTime::NEVER);
         self.take_lease(owner, now);
     }
@@ -117,11 +119,10 @@ impl DriveGuard {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, run};
+    use super::super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, run};
     use super::super::{Facts, Verdict};
     use super::*;
-    use crate::domain::command::{CommandRequest, Origin, Reason};
-    use crate::domain::ids::CommanderName;
+    use crate::domain::command::{CommandRequest, Reason};
     use crate::drive::testing::{control, model};
     use std::time::Duration;
 
@@ -142,7 +143,7 @@ mod tests {
             (OnGatewayLost::Hold, FailSafe::Hold, false),
         ] {
             let mut guard = lost(declared);
-            let found = guard.gateway_lost(Some(Direction::Forward), NOW).unwrap();
+            let found = guard.gateway_left(Some(Direction::Forward), false, NOW).unwrap();
             assert_eq!((found.action, found.order.is_some(), found.cause), (action, stops, Cause::GatewayLost));
             assert!(guard.is_start_inhibited() && guard.has_failed_safe() && guard.lease().is_none());
         }
@@ -151,7 +152,7 @@ mod tests {
     #[test]
     fn an_adopted_order_waits_for_its_client_and_ends_like_a_lost_lease() {
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_lost(Some(Direction::Forward), NOW), None);
+        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
         assert_eq!((guard.intent(), guard.is_adopted()), (RunIntent::Run(Direction::Forward), true));
         let until = guard.next_wake().unwrap();
         assert_eq!(until, NOW + control().lost_after);
@@ -166,20 +167,25 @@ mod tests {
     fn the_client_that_repeats_the_order_controls_the_drive() {
         let facts = Facts { at_standstill: false, rests: false, ..RESTING };
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_lost(Some(Direction::Forward), NOW), None);
-        let reverse = guard.review(&soon(command(mqtt(), run(Direction::Reverse))), &facts, NOW);
-        assert!(reverse.is_err() && guard.is_adopted(), "another order is not the one that stands");
-        let page = Origin { owner: Owner::Page(CommanderName::new("anna").unwrap()), ..mqtt() };
-        assert!(guard.review(&soon(command(mqtt(), run(Direction::Forward))), &facts, NOW).is_ok());
-        assert_eq!(guard.lease().map(|(owner, _)| owner), Some(Owner::Mqtt));
-        let other = guard.review(&soon(command(page, run(Direction::Forward))), &facts, NOW);
+        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
+        for (origin, direction, reason) in
+            [(plc(1), Direction::Reverse, Reason::StartInhibited), (mqtt(), Direction::Forward, Reason::RestartDelay)]
+        {
+            let found = guard.review(&soon(command(origin, run(direction))), &facts, NOW);
+            assert_eq!(found.unwrap_err().reason, reason);
+            assert!(guard.is_adopted(), "another order, or one that may be older");
+        }
+        let same = guard.review(&soon(command(plc(1), run(Direction::Forward))), &facts, NOW);
+        assert!(same.is_ok(), "{same:?}");
+        assert_eq!((guard.lease().map(|(owner, _)| owner), guard.is_adopted()), (Some(plc(1).owner), false));
+        let other = guard.review(&soon(command(plc(2), run(Direction::Forward))), &facts, NOW);
         assert_eq!(other.unwrap_err().reason, Reason::OtherOwner);
     }
 
     #[test]
     fn a_stop_ends_the_adoption() {
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_lost(Some(Direction::Forward), NOW), None);
+        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
         assert!(matches!(guard.review(&command(mqtt(), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
         assert!(!guard.is_adopted() && guard.next_wake().is_none());
     }
@@ -187,7 +193,7 @@ mod tests {
     #[test]
     fn an_order_of_unknown_direction_is_not_adopted() {
         let mut guard = lost(OnGatewayLost::Adopt);
-        let found = guard.gateway_lost(None, NOW).unwrap();
+        let found = guard.gateway_left(None, false, NOW).unwrap();
         assert_eq!(found.action, control().on_commander_lost);
     }
 
@@ -204,7 +210,7 @@ mod tests {
                 ..control()
             };
             let mut guard = guard_of(model(), settings);
-            assert_eq!(guard.gateway_lost(Some(Direction::Forward), NOW), None);
+            assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
             guard.path_alive(Owner::Mqtt, NOW);
             assert_eq!(guard.lease().is_some(), taken_up);
         }

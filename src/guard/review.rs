@@ -89,7 +89,7 @@ impl DriveGuard {
             Order::Take => self.review_take(origin, &control, facts, now),
             order => {
                 self.may_command(origin, &control, facts)?;
-                self.take_up(origin.owner, order, now);
+                self.take_up(origin, order, now);
                 match order {
                     Order::Go(go) if self.sets_watchdog(origin, go) => self.review_watchdog(command, go, facts, now),
                     Order::Go(go) if is_parameter(origin, go) => self.review_parameter(command, go, facts, now),

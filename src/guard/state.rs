@@ -367,6 +367,7 @@ impl DriveGuard {
     /// Accepts an order of `owner` to run, or a setpoint for a drive that may turn: control is leased.
     pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
         if let Some(control) = &self.control {
+            self.adopted = None;
             self.lease = Some(Lease { owner, until: now + control.lost_after, orphan: None });
         }
     }

@@ -54,8 +54,8 @@ impl DriveWork {
     }
 
     /// This gateway takes the line over at `now`: a drive that was seen ordered to run gets the declared action, and a stop
-    /// that was heard without effect is repeated.
-    pub fn take_over(&mut self, now: MonoTime, out: Out<'_>) {
+    /// that was heard without effect is repeated. Where the line was handed over on purpose, running drives go on.
+    pub fn take_over(&mut self, now: MonoTime, was_handed_over: bool, out: Out<'_>) {
         let heard = std::mem::take(&mut self.heard);
         if self.guard.control().is_none() || self.latch.is_some() {
             return;
@@ -65,9 +65,11 @@ impl DriveWork {
             HeardOrder::Stop { coast } if !self.is_at_standstill() => self.guard.repeat_stop(coast, now),
             HeardOrder::Run(direction) => {
                 let is_followed = self.status.is_running() != Some(false);
-                self.guard.gateway_lost(is_followed.then_some(direction), now)
+                self.guard.gateway_left(is_followed.then_some(direction), was_handed_over, now)
             }
-            HeardOrder::Nothing if is_ordered => self.guard.gateway_lost(self.ordered_direction(), now),
+            HeardOrder::Nothing if is_ordered => {
+                self.guard.gateway_left(self.ordered_direction(), was_handed_over, now)
+            }
             HeardOrder::Stop { .. } | HeardOrder::Nothing => None,
         };
         self.has_changed = true;

@@ -30,17 +30,31 @@ fn the_times_are_the_usual_ones_except_on_slow_lines_and_for_slow_drives() {
     assert_eq!(times.with(Some(MS(6000)), 1).take_over_after, MS(6500));
 }
 
+/// Lets a free line be silent up to `until`; returns the first change and when it came.
+fn silent(rule: &mut Standby, until: u64) -> Option<(u64, Change)> {
+    while let Some(due) = rule.due_at().filter(|due| *due <= MonoTime::from_millis(until)) {
+        if let Some(change) = rule.pass(due, true) {
+            return Some((due.as_nanos() / 1_000_000, change));
+        }
+    }
+    None
+}
+
+fn opened(at_ms: u64) -> Standby {
+    let mut rule = Standby::new(StandbyTimes::shortest(&timing(9600), MS(300)), 1);
+    assert_eq!((rule.role(), rule.due_at()), (LineRole::Listening, None));
+    rule.port_opened(MonoTime::from_millis(at_ms));
+    rule
+}
+
 #[test]
 fn a_listener_takes_the_line_over_after_the_silence_and_sends_at_once() {
-    let times = StandbyTimes::shortest(&timing(9600), MS(300));
     let at = MonoTime::from_millis;
-    let mut rule = Standby::new(times, 1);
-    assert_eq!((rule.role(), rule.changes_at(), rule.pass(at(9000), true)), (LineRole::Listening, None, None));
-    rule.port_opened(at(10_000));
-    assert_eq!(rule.pass(at(12_499), true), None);
+    let mut rule = opened(10_000);
+    assert_eq!(silent(&mut rule, 12_499), None);
     rule.heard(at(12_499));
     assert!(rule.hears_other(at(12_600)) && !rule.may_send(at(12_600)));
-    assert_eq!(rule.changes_at(), Some(at(14_999)));
+    assert_eq!(silent(&mut rule, 14_998), None);
     assert_eq!(rule.pass(at(14_999), false), None, "something is on the wire");
     assert_eq!(rule.pass(at(15_001), true), Some(Change::TakenOver));
     assert_eq!((rule.probe_at(), rule.may_send(at(15_001))), (Some(at(15_001)), true));
@@ -52,42 +66,68 @@ fn a_listener_takes_the_line_over_after_the_silence_and_sends_at_once() {
 }
 
 #[test]
-fn one_that_was_suspended_listens_before_it_sends() {
-    let times = StandbyTimes::shortest(&timing(9600), MS(300));
+fn a_listener_that_did_not_listen_has_not_heard_silence() {
     let at = MonoTime::from_millis;
-    let mut rule = Standby::new(times, 1);
-    rule.port_opened(at(0));
-    assert_eq!(rule.pass(at(2500), true), Some(Change::TakenOver));
+    let mut rule = opened(0);
+    assert_eq!(silent(&mut rule, 2000), None);
+    assert_eq!(rule.pass(at(2401), true), None);
+    assert_eq!(silent(&mut rule, 9000), Some((4901, Change::TakenOver)));
+}
+
+#[test]
+fn one_that_was_suspended_listens_before_it_sends() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(0);
+    assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
     rule.sent(at(2500));
     assert!(rule.may_send(at(3999)) && !rule.may_send(at(4000)));
     assert_eq!(rule.pass(at(3999), true), None);
     assert_eq!(rule.pass(at(4000), true), Some(Change::Stalled));
-    let due = rule.changes_at().unwrap();
-    assert!(due >= at(6500) && due <= at(7000));
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, 9000) else { panic!("not taken over") };
+    assert!((6500..=7000).contains(&taken), "{taken}");
     // Suspended while a frame was handed to the port.
-    assert_eq!(rule.pass(due, true), Some(Change::TakenOver));
-    rule.sent(due);
-    assert_eq!(rule.was_sent(due + HAND_OVER_MAX), None);
-    assert_eq!(rule.was_sent(due + HAND_OVER_MAX + MS(1)), Some(Change::Stalled));
+    rule.sent(at(taken));
+    assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX), None);
+    assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX + MS(1)), Some(Change::Stalled));
 }
 
 #[test]
 fn a_rival_ends_the_role_and_a_lost_port_does() {
-    let times = StandbyTimes::shortest(&timing(9600), MS(300));
     let at = MonoTime::from_millis;
-    let mut rule = Standby::new(times, 1);
-    rule.port_opened(at(0));
+    let mut rule = opened(0);
     assert_eq!(rule.heard_request(at(1)), None, "a listener gives nothing up");
-    assert_eq!(rule.pass(at(2501), true), Some(Change::TakenOver));
+    assert_eq!(silent(&mut rule, 9000), Some((2501, Change::TakenOver)));
     assert_eq!(rule.heard_request(at(2600)), Some(Change::Rival));
     assert!(rule.hears_other(at(2700)));
-    assert!(!rule.port_gone() && rule.changes_at().is_none());
+    assert!(!rule.port_gone() && rule.due_at().is_none());
     rule.port_opened(at(5000));
-    assert_eq!(rule.pass(at(7500), true), Some(Change::TakenOver));
+    assert_eq!(silent(&mut rule, 9000), Some((7500, Change::TakenOver)));
     assert_eq!(rule.give_up(at(7600), MS(4000)), Some(Change::Yielded));
-    assert_eq!((rule.changes_at(), rule.give_up(at(7700), MS(1))), (Some(at(14_100)), None));
-    assert_eq!(rule.pass(at(14_100), true), Some(Change::TakenOver));
+    assert_eq!(rule.give_up(at(7700), MS(1)), None);
+    assert_eq!(silent(&mut rule, 90_000), Some((14_100, Change::TakenOver)));
     assert!(rule.port_gone());
+}
+
+#[test]
+fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
+    let at = MonoTime::from_millis;
+    let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
+    for (rank, taken) in [(0, 1000), (1, 1200), (2, 1400)] {
+        let mut rule = Standby::new(shortest.with(None, rank), 1);
+        rule.port_opened(at(900));
+        rule.handed_over(at(1000));
+        assert_eq!(silent(&mut rule, 9000), Some((taken, Change::HandedOver)), "{rank}");
+        let mut slow = Standby::new(shortest.with(None, rank), 1);
+        slow.port_opened(at(900));
+        slow.handed_over(at(1000));
+        slow.heard(at(1000));
+        assert_eq!(silent(&mut slow, 3499), None, "{rank}: the other one sends");
+        let mut suspended = Standby::new(shortest.with(None, rank), 1);
+        suspended.port_opened(at(900));
+        suspended.handed_over(at(1000));
+        assert_eq!(suspended.pass(at(1500), true), None, "{rank}: it may have missed that one");
+        assert_eq!(silent(&mut suspended, 3999), None);
+    }
 }
 
 /// Two gateways in steps of a quarter of a second. One clock runs fast by two per cent.
@@ -127,9 +167,11 @@ impl Node {
         let heard = self.rule.heard_at().map_or(u128::MAX, age);
         match self.rule.state {
             State::Deaf => (0, 0, 0, heard, self.held),
-            State::Listening { quiet_from, extra } => (1, age(quiet_from), extra.as_millis(), heard, self.held),
-            State::Active { sent_at, probe_at } => {
-                (2, age(sent_at), probe_at.since(self.now).as_millis(), heard, self.held)
+            State::Listening { quiet_from, looked_at, extra } => {
+                (1, age(quiet_from), age(looked_at).min(500) * 10_000 + extra.as_millis(), heard, self.held)
+            }
+            State::Active { sent_at, probe_at, at_most } => {
+                (2, age(sent_at), probe_at.since(self.now).as_millis() + at_most.as_millis() * 10_000, heard, self.held)
             }
         }
     }
@@ -160,8 +202,10 @@ impl Node {
         }
     }
 
+    /// Whether it may send another frame. One that was held at the port for too long is the last.
     fn may_send(&self) -> bool {
-        self.rule.may_send(self.now)
+        let State::Active { sent_at, .. } = self.rule.state else { return false };
+        self.rule.may_send(self.now) && !(self.held && self.now.since(sent_at) > HAND_OVER_MAX)
     }
 }
 
