@@ -183,6 +183,25 @@ fn adapters_that_hear_themselves_make_no_rivals() {
     pair.assert_one_master();
 }
 
+/// The usual USB adapter hands over what it has every 16 ms, wherever a frame is then.
+#[test]
+fn a_listener_understands_frames_that_come_in_pieces() {
+    for baud in [9_600, 38_400] {
+        let mut pair = Pair::with(Wish { hold_back: Duration::from_millis(16), ..Wish::at(baud) });
+        pair.start_one_behind_the_other();
+        pair.run(A, 1);
+        let seen = pair.hub.count();
+        pair.wait_for_requests(A, 2 * A_WHILE, seen);
+        pair.assert_silent(B, 0..);
+        pair.kill(A);
+        let seen = pair.hub.count();
+        pair.wait_for_stop(B, seen);
+        pair.wait_until_it_stands(1);
+        pair.assert_only_stopped_by(B, seen);
+        pair.assert_one_master();
+    }
+}
+
 #[test]
 fn where_no_drive_answers_there_is_one_master_at_a_time() {
     let mut pair = Pair::with(Wish { drives_are_off: true, ..Wish::at(9_600) });
