@@ -27,7 +27,8 @@ enum Action {
     Status(LookArgs),
     /// Give lines to the other gateway, and wait until that one is heard
     ///
-    /// If no other gateway takes a line over, this one takes it back by itself, as after the loss of the other one.
+    /// If no other gateway takes a line over, this one takes it back by itself, as after the loss of the other one: with
+    /// `on_gateway_lost`.
     Yield(YieldArgs),
 }
 

@@ -148,9 +148,10 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     ),
     help(
         "standby yield",
-        "Gives up sending and waits until another gateway is heard on the line. Motors keep running, as far as \
-         `on_gateway_lost` of the other gateway lets them. If no other one takes over, this gateway takes the line back by \
-         itself, and the command fails. Without a line it does nothing where this gateway does not send, or is alone.",
+        "Gives the line to the other gateway and waits until that one is heard. Motors keep running: their clients have \
+         `lost_after` to connect to the other gateway. If no other one takes over, this gateway takes the line back after a \
+         while, does what `on_gateway_lost` declares, and the command fails. Without a line it does nothing where this \
+         gateway does not send, or is alone.",
         &[
             ("vfd-gateway standby yield -c vfd-gateway.toml", "give all lines to the other gateway"),
             ("vfd-gateway standby yield hall-1", "give one line to it"),

@@ -17,6 +17,8 @@ use tokio::time::{Instant, sleep};
 
 /// How often the lines are looked at meanwhile.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Longest time for a line to give itself up: orders that are under way are carried out first.
+const GIVEN_UP_WITHIN: Duration = Duration::from_secs(7);
 const EXPECTED: &str = r#"a body such as {"line": "hall-1"} is expected, or none for all lines"#;
 
 /// What came of one line.
@@ -61,7 +63,7 @@ impl HandOver {
             Self::NoOther => {
                 format!("no other gateway is heard on the line; this one takes it back by itself; does {partner} run?")
             }
-            Self::NoAnswer => "the line did not give up sending in time".to_owned(),
+            Self::NoAnswer => "the line was not given up in time: orders were under way all the while".to_owned(),
             Self::NotActive => "this gateway does not send on the line: there is nothing to hand over".to_owned(),
             Self::Alone => "the line has no second gateway: `standby` is not true in its `[[line]]`".to_owned(),
             Self::QueueFull => "too many requests wait for the line".to_owned(),
@@ -148,8 +150,8 @@ fn chosen(side: &LocalSide, named: Option<&str>) -> Result<Vec<Arc<SharedLine>>,
 struct Asked {
     line: Arc<SharedLine>,
     begun: StandbyReport,
-    /// From then on what is heard is no reply to the last request of this gateway.
-    heard_from: Instant,
+    /// Until when it is to have given itself up.
+    given_up_by: Instant,
     until: Instant,
 }
 
@@ -157,14 +159,13 @@ impl Asked {
     /// What came of it, as far as it is known.
     fn ended(&self) -> Option<HandOver> {
         let now = self.line.report().standby;
-        let (is_late, hears) = (Instant::now() >= self.until, Instant::now() >= self.heard_from);
+        let at = Instant::now();
+        let is_late = at >= self.until;
         match now {
-            Some(now) if now.role == LineRole::Listening && now.hears_other => hears.then_some(HandOver::HandedOver),
-            Some(now) if now.role == LineRole::Active && now.take_overs > self.begun.take_overs => {
-                Some(HandOver::TakenBack)
-            }
+            Some(now) if now.role == LineRole::Listening && now.hears_other => Some(HandOver::HandedOver),
             Some(now) if now.role == LineRole::Listening => is_late.then_some(HandOver::NoOther),
-            _ => is_late.then_some(HandOver::NoAnswer),
+            Some(now) if now.take_overs > self.begun.take_overs => Some(HandOver::TakenBack),
+            _ => (at >= self.given_up_by).then_some(HandOver::NoAnswer),
         }
     }
 }
@@ -201,9 +202,10 @@ fn begin(line: &Arc<SharedLine>) -> Result<Asked, HandOver> {
     let share = line.standby.as_ref().ok_or(HandOver::Alone)?;
     let report = line.report().standby;
     let begun = report.filter(|report| report.role == LineRole::Active).ok_or(HandOver::NotActive)?;
-    let (heard_from, until) = (Instant::now() + share.times.silent_at_most * 2, Instant::now() + longest(share));
+    let given_up_by = Instant::now() + GIVEN_UP_WITHIN;
+    let until = given_up_by + longest(share);
     line.inbox.put(Message::Yield).map_err(|_| HandOver::QueueFull)?;
-    Ok(Asked { line: Arc::clone(line), begun, heard_from, until })
+    Ok(Asked { line: Arc::clone(line), begun, given_up_by, until })
 }
 
 #[cfg(test)]
@@ -214,12 +216,13 @@ mod tests {
     use crate::daemon::exchange::shared::Shared;
     use crate::domain::command::Owner;
     use crate::domain::ids::Name;
-    use crate::domain::link::Interface;
+    use crate::domain::link::{Framing, Interface, LinkSettings};
     use crate::domain::report::LineReport;
     use crate::domain::standby::StandbyPair;
     use crate::drive::description::DriveRef;
     use crate::journal::Attempt;
     use crate::line::standby::StandbyTimes;
+    use crate::line::timing::Timing;
     use std::sync::Mutex;
 
     const PATH: &str = "/api/v1/standby/yield";
@@ -249,8 +252,8 @@ mod tests {
     fn side(lines: &[(&str, Option<StandbyReport>)], kept: &Arc<Kept>) -> Arc<LocalSide> {
         let name = |text: &str| Name::new(text).unwrap();
         let pair = StandbyPair { half: name("a"), partner: name("b"), rank: 0, take_over_after: None };
-        let ms = Duration::from_millis;
-        let times = StandbyTimes { silent_at_most: ms(1500), take_over_after: ms(2500) };
+        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, [], Duration::ZERO);
+        let times = StandbyTimes::shortest(&timing, Duration::from_millis(600));
         let line = |(number, (text, report)): (u16, &(&str, Option<StandbyReport>))| {
             let share = report.map(|_| StandbyShare { pair: pair.clone(), times });
             let line = SharedLine::new(number, name(text), Interface::Rs485, []).shared_with(share);
@@ -293,13 +296,11 @@ mod tests {
 
     #[test]
     fn a_line_is_given_up_and_what_came_of_it_is_told_and_kept() {
-        let table: [(&'static [StandbyReport], u16, &str, Outcome); 6] = [
+        let table: [(&'static [StandbyReport], u16, &str, Outcome); 5] = [
             (&[HEARS], 200, "handed_over", Outcome::Confirmed),
             (&[LISTENING, LISTENING, HEARS], 200, "handed_over", Outcome::Confirmed),
             (&[LISTENING, BACK], 409, "taken_back", Outcome::Failed),
             (&[LISTENING], 409, "no_other", Outcome::Failed),
-            // The drive has answered this gateway's last request.
-            (&[HEARS, LISTENING], 409, "no_other", Outcome::Failed),
             (&[], 409, "no_answer", Outcome::Failed),
         ];
         for (then, status, word, outcome) in table {
