@@ -272,6 +272,8 @@ mod qualifying;
 mod raw;
 #[path = "process/rig.rs"]
 mod rig;
+#[path = "process/roles.rs"]
+mod roles;
 #[path = "process/scada.rs"]
 mod scada;
 #[path = "process/standin.rs"]

@@ -1,6 +1,7 @@
 //! `check`: reports all problems of a configuration at once, or what it means, on one page or in full. Opens nothing.
 
 mod drive;
+mod standby;
 mod summary;
 mod text;
 mod warnings;
@@ -215,6 +216,7 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
     }
     stops(text, line)?;
     neighbours(text, line)?;
+    standby::describe(text, line)?;
     for place in 0..line.drives.len() {
         drive::describe(text, line, place, &budget, mqtt)?;
     }

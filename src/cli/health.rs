@@ -28,12 +28,16 @@ pub struct Args {
     /// or a broker that are down do not count
     #[arg(long, conflicts_with = "json")]
     alive: bool,
+    /// Ask only whether it is the one that sends: on every line that it shares with another gateway and can use, and on at
+    /// least one. For keepalived and the like
+    #[arg(long, conflicts_with_all = ["alive", "json"])]
+    active: bool,
     /// Print the gateway's JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Prints a line for each line and drive, and fails unless the gateway is ready; or fails unless it is alive.
+/// Prints a line for each line and drive, and fails unless the gateway is ready; or fails unless it is alive, or active.
 pub fn health(args: &Args) -> Result<(), Failure> {
     let place = match &args.url {
         Some(url) => HealthSource::Url(Url::new(url)?),
@@ -45,6 +49,9 @@ pub fn health(args: &Args) -> Result<(), Failure> {
         return print(&runtime.block_on(sign_of_life(&place)).map_err(failed)?);
     }
     let health = runtime.block_on(ask(&place)).map_err(failed)?;
+    if args.active {
+        return print(&format!("{}\n", active(&health).map_err(failed)?));
+    }
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
     if health["ready"] == true { Ok(()) } else { Err(failed("not ready".to_owned())) }
 }
@@ -116,6 +123,23 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     }
 }
 
+/// That the gateway is the one that sends. An error says why it is not. Where it shares no line, it is alone and sends on
+/// all of them.
+fn active(health: &Value) -> Result<String, String> {
+    let lines = health["lines"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let is_shared = lines.iter().any(|line| !line["standby"].is_null());
+    let counts = |line: &&Value| line["state"] == "up" && (!is_shared || !line["standby"].is_null());
+    let name = |line: &Value| line["name"].as_str().unwrap_or("?").to_owned();
+    let (sends, listens): (Vec<_>, Vec<_>) =
+        lines.iter().filter(counts).partition(|line| !is_shared || line["standby"]["role"] == "active");
+    let names = |lines: &[&Value]| lines.iter().map(|line| name(line)).collect::<Vec<_>>().join(", ");
+    match (sends.is_empty(), listens.is_empty()) {
+        (false, true) => Ok(format!("active on {}", names(&sends))),
+        (_, false) => Err(format!("not active: it only listens on {}", names(&listens))),
+        (true, true) => Err("not active: no line can be used".to_owned()),
+    }
+}
+
 /// `seconds` in the two largest units of days, hours, minutes and seconds.
 fn span(seconds: u64) -> String {
     match seconds {
@@ -141,7 +165,8 @@ fn line_row(line: &Value) -> String {
     // A line that is down says why itself.
     let suspicion = line["suspicion"].as_str().filter(|_| line["reason"].is_null());
     let suspicion = suspicion.map(|text| format!("; {text}")).unwrap_or_default();
-    format!("line {}: {}{}{suspicion}\n", word("name"), state_of(word("state"), &["up"]), reason_of(line))
+    let role = line["standby"]["role"].as_str().map(|role| format!(", {role}")).unwrap_or_default();
+    format!("line {}: {}{role}{}{suspicion}\n", word("name"), state_of(word("state"), &["up"]), reason_of(line))
 }
 
 /// The answer for people. Missing values are shown as `?`: another version may send less.
@@ -218,5 +243,37 @@ mod tests {
         for (seconds, text) in spans {
             assert_eq!(span(seconds), text);
         }
+    }
+
+    /// A line in `state`, with the role on it if it is shared.
+    fn line(name: &str, state: &str, role: Option<&str>) -> Value {
+        let standby = role.map_or(Value::Null, |role| serde_json::json!({ "role": role }));
+        serde_json::json!({ "name": name, "state": state, "standby": standby })
+    }
+
+    #[test]
+    fn a_gateway_is_active_where_it_sends_on_each_line_that_it_can_use() {
+        let (sends, listens) = (Some("active"), Some("listening"));
+        for (lines, told) in [
+            (vec![line("a", "up", sends)], Ok("active on a")),
+            (vec![line("a", "up", sends), line("b", "up", sends)], Ok("active on a, b")),
+            (vec![line("a", "up", sends), line("b", "down", listens)], Ok("active on a")),
+            (vec![line("a", "up", sends), line("own", "down", None)], Ok("active on a")),
+            (vec![line("own", "up", None)], Ok("active on own")),
+            (vec![line("a", "up", sends), line("b", "up", listens)], Err("not active: it only listens on b")),
+            (vec![line("a", "up", listens), line("own", "up", None)], Err("not active: it only listens on a")),
+            (vec![line("a", "down", listens), line("own", "up", None)], Err("not active: no line can be used")),
+            (vec![line("own", "down", None)], Err("not active: no line can be used")),
+            (vec![], Err("not active: no line can be used")),
+        ] {
+            let found = active(&serde_json::json!({ "lines": lines }));
+            assert_eq!(found, told.map(str::to_owned).map_err(str::to_owned), "{lines:?}");
+        }
+    }
+
+    #[test]
+    fn a_shared_line_is_shown_with_the_role() {
+        assert_eq!(line_row(&line("a", "up", Some("listening"))), "line a: up, listening\n");
+        assert_eq!(line_row(&line("a", "up", None)), "line a: up\n");
     }
 }

@@ -40,6 +40,7 @@ mod scan;
 mod setup;
 mod simulate;
 mod socket;
+mod standby;
 mod start_words;
 mod straight_write;
 mod target;
@@ -99,6 +100,8 @@ enum Command {
     Doctor(doctor::Args),
     /// Write a support archive: configuration without passwords, log, journal, reports, traffic
     Diagnose(diagnose::Args),
+    /// Show which gateway sends on each line that two gateways share, or give lines to the other one
+    Standby(standby::Args),
     /// Reload the configuration of the running gateway atomically
     Reload(reload::Args),
     /// Show the journal: trips, commands and refusals, drives and lines going online and offline. The gateway may be running
@@ -189,6 +192,7 @@ pub fn main() -> ExitCode {
         Command::Health(args) => health::health(&args),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Diagnose(args) => diagnose::diagnose(&args),
+        Command::Standby(args) => standby::standby(&args),
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
         Command::Usage(args) => usage::usage(&args),

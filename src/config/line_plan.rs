@@ -89,6 +89,45 @@ pub fn standby_times(line: &LineSettings, pair: &StandbyPair) -> StandbyTimes {
     shortest_standby_times(line).with(pair.take_over_after, pair.rank)
 }
 
+/// Longest times of a take-over on one line, each from the death of the gateway that was active.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TakeOver {
+    /// The times of the rule.
+    pub times: StandbyTimes,
+    /// The longest exchange: a reply to the last request of the other gateway may come so late.
+    pub exchange: Duration,
+    /// Until this gateway may send.
+    pub begins: Duration,
+    /// Until its first STOP starts.
+    pub first_stop: Duration,
+    /// Until its last one starts, if all commanded drives of the line have to be stopped.
+    pub last_stop: Duration,
+    /// Until no drive can owe the other gateway a reply any more.
+    pub settled: Duration,
+    /// Until all polled values have been read once, while every drive answers. From then on commands are accepted.
+    pub fresh: Duration,
+}
+
+/// The longest times of a take-over of `line` by this gateway, as one of `pair`.
+#[must_use]
+pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
+    let times = standby_times(line, pair);
+    let exchange = longest_exchange(line);
+    let begins = exchange + times.worst_take_over();
+    let StopBounds { all_healthy, one_silent, each_further } = stop_bounds(line);
+    let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
+    let further = each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
+    let first_stop = begins + all_healthy.max(one_silent);
+    let last_stop = first_stop + further;
+    let owes = |drive: &DriveSettings| {
+        let waits = reply_timeouts(drive);
+        waits.read.max(waits.write).max(waits.stored_write) + drive.max_lateness
+    };
+    let settled = exchange + line.drives.iter().map(owes).max().unwrap_or_default();
+    let fresh = last_stop.max(settled) + refresh(line).time;
+    TakeOver { times, exchange, begins, first_stop, last_stop, settled, fresh }
+}
+
 /// Maximum additional time to confirm a stop of a drive of `line` if one of its replies is missing.
 #[must_use]
 pub fn missing_reply_costs(line: &LineSettings) -> Duration {

@@ -5,7 +5,7 @@ use super::line_plan;
 use super::ready::{LineSettings, PortAddress};
 use super::words;
 use crate::domain::control::BusFunctions;
-use crate::domain::link::Interface;
+use crate::domain::link::{DirectionControl, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::standby::{OnGatewayLost, StandbyPair};
 use crate::toml_file::values::duration_text;
@@ -45,6 +45,10 @@ pub(super) fn check(file: &File, problems: &mut Vec<Problem>) {
         if let Some(why) = why_not_heard(line) {
             let right = "leave it out; two gateways need RS-485 at a serial device of each";
             problems.push(location.problem(format!("a second gateway would hear nothing: {why}")).right(right));
+        }
+        if let Some(rts) = line.direction.valid().filter(|it| it.value == DirectionControl::Rts) {
+            let what = "with a second gateway: a program that is suspended while it holds RTS keeps the other one from sending";
+            problems.push(rts.location.problem(what).right("\"adapter\" or \"kernel\""));
         }
     }
 }

@@ -3,6 +3,7 @@
 
 use crate::domain::command::{Direction, Outcome, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::standby::{StandbyPair, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::{Presence, ValueReading};
@@ -210,6 +211,22 @@ pub const fn intent(intent: RunIntent) -> &'static str {
         RunIntent::Run(Direction::Reverse) => "reverse",
         RunIntent::Coast => "coast",
     }
+}
+
+/// The role of this gateway on a line that `pair` shares; `null` on a line of its own.
+#[must_use]
+pub fn standby(report: Option<&StandbyReport>, pair: Option<&StandbyPair>) -> Value {
+    report.map_or(Value::Null, |report| {
+        json!({
+            "role": report.role.word(),
+            "half": pair.map(|pair| pair.half.as_str()),
+            "partner": pair.map(|pair| pair.partner.as_str()),
+            "take_overs": report.take_overs,
+            "given_up": report.given_up,
+            "rivals": report.rivals,
+            "hears_other": report.hears_other,
+        })
+    })
 }
 
 /// Milliseconds, rounded up: a bound is never shown smaller than it is.

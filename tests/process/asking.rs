@@ -250,10 +250,16 @@ fn health_says_why_it_has_no_answer() {
 
 /// The HTTP side of a gateway whose line is played by the test, on a socket in `directory` and on TCP.
 fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
-    let text = "[[line]]\nname = \"hall-1\"\nport = \"/dev/null\"\n\n[[line.drive]]\nname = \"pump-1\"\n\
+    served_from(directory, "")
+}
+
+/// The same with `more` keys of the line.
+pub fn served_from(directory: &Path, more: &str) -> (SocketAddr, Arc<State>) {
+    let text = "[standby]\nhalf = \"a\"\npartner = \"b\"\n[[line]]\nname = \"hall-1\"\nport = \"/dev/null\"\n\n[[line.drive]]\nname = \"pump-1\"\n\
                 model = \"hyundai-n700\"\nstation = 1\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n";
+    let text = text.replacen("[[line]]", &format!("[[line]]\n{more}"), 1);
     let catalog = vendors::catalog();
-    let shared = Arc::new(build::shared(&config::load(text, &catalog).unwrap()));
+    let shared = Arc::new(build::shared(&config::load(&text, &catalog).unwrap()));
     let state = Arc::new(State {
         journal: None,
         trends: None,

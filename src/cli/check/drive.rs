@@ -2,7 +2,7 @@
 
 use super::super::model_facts::{BASICS, orders};
 use super::text::{list, ms};
-use super::warnings::{feeds_watchdog, takes_control};
+use super::warnings::{feeds_watchdog, takes_control, trips_first};
 use crate::config::words::{DIRECTIONS, LEASES};
 use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
@@ -45,7 +45,7 @@ pub(super) fn describe(
         watchdog_of(text, watchdog, model)?;
     }
     if let Some(gap) = line_plan::longest_gap(line, place).filter(|_| drive.control.is_some()) {
-        watchdog_chain(text, drive, gap)?;
+        watchdog_chain(text, line, drive, gap)?;
     }
     Ok(())
 }
@@ -120,9 +120,10 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
     ownership(text, control)?;
     writeln!(
         text,
-        "    commander lost after {lost_after}: {}; gateway ended: {}",
+        "    commander lost after {lost_after}: {}; gateway ended: {}{}",
         control.on_commander_lost.word(),
-        control.on_shutdown.word()
+        control.on_shutdown.word(),
+        control.on_gateway_lost.map_or_else(String::new, |lost| format!("; other gateway lost: {}", lost.word()))
     )?;
     capabilities(text, control, model)?;
     start(text, model)?;
@@ -262,7 +263,7 @@ fn setup(text: &mut String, model: &Model, line: &LineSettings, bus: BusFunction
 }
 
 /// The least request rate of the drive, its watchdog and the lease, in relation to each other.
-fn watchdog_chain(text: &mut String, drive: &DriveSettings, gap: Duration) -> Result {
+fn watchdog_chain(text: &mut String, line: &LineSettings, drive: &DriveSettings, gap: Duration) -> Result {
     let Some(control) = &drive.control else { return Ok(()) };
     writeln!(text, "    its frames are at most {} apart while it answers; its own watchdog, where it", ms(gap))?;
     writeln!(text, "    is used, needs more than {}", ms(gap * 2))?;
@@ -286,7 +287,11 @@ fn watchdog_chain(text: &mut String, drive: &DriveSettings, gap: Duration) -> Re
     if let Some(warning) = feeds_watchdog(&drive.model, control) {
         writeln!(text, "    warning: {warning}")?;
     }
-    Ok(())
+    match (trips_first(line, drive), control.watchdog.and(line.standby.as_ref())) {
+        (Some(warning), _) => writeln!(text, "    warning: {warning}"),
+        (None, Some(_)) => writeln!(text, "    its own watchdog does not act before the line is taken over"),
+        (None, None) => Ok(()),
+    }
 }
 
 fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result {

@@ -2,7 +2,7 @@
 
 use super::drive::settings;
 use super::text::ms;
-use super::{beside_modbus, link_text, of_listener, warnings};
+use super::{beside_modbus, link_text, of_listener, standby, warnings};
 use crate::cli::output::few;
 use crate::config::{Config, LineSettings, line_plan};
 use crate::domain::report::StopBounds;
@@ -16,6 +16,9 @@ pub(super) fn summary(config: &Config) -> String {
     let mut text = String::new();
     for line in &config.lines {
         let _ = writeln!(text, "{}", of_line(line));
+        if let Some(standby) = standby::summary(line) {
+            let _ = writeln!(text, "{standby}");
+        }
     }
     for listener in &config.listeners {
         let _ = writeln!(text, "{}", of_listener(listener));
@@ -57,7 +60,8 @@ fn folded(config: &Config) -> Vec<(Vec<String>, String)> {
     let of_lines = config.lines.iter().flat_map(|line| {
         let own = warnings::over_full(line).map(|text| (format!("line {}", line.name), text));
         let drives = line.drives.iter();
-        let drives = drives.flat_map(|drive| warnings::of_drive(drive).map(|text| (drive.name.to_string(), text)));
+        let drives =
+            drives.flat_map(|drive| warnings::of_drive(line, drive).map(|text| (drive.name.to_string(), text)));
         own.into_iter().chain(drives).collect::<Vec<_>>()
     });
     let bridged = config.listeners.iter().filter_map(warnings::behind_a_bridge);

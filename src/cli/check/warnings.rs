@@ -4,6 +4,7 @@ use super::text::{list, ms};
 use crate::config::{BEHIND_A_BRIDGE, DriveSettings, LineSettings, ListenerSettings, line_plan};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::profile::model::{Model, RunForm};
+use crate::toml_file::values::duration_text;
 
 /// The polls of `line` do not fit on it.
 pub(super) fn over_full(line: &LineSettings) -> Option<String> {
@@ -14,11 +15,29 @@ pub(super) fn over_full(line: &LineSettings) -> Option<String> {
     })
 }
 
-/// The warnings about `drive`.
-pub(super) fn of_drive(drive: &DriveSettings) -> impl Iterator<Item = String> {
+/// The warnings about `drive` of `line`.
+pub(super) fn of_drive(line: &LineSettings, drive: &DriveSettings) -> impl Iterator<Item = String> {
     let control = drive.control.as_ref();
     let takes_control = control.and_then(|_| takes_control(&drive.model));
-    takes_control.into_iter().chain(control.and_then(|control| feeds_watchdog(&drive.model, control)))
+    let feeds = control.and_then(|control| feeds_watchdog(&drive.model, control));
+    takes_control.into_iter().chain(feeds).chain(trips_first(line, drive))
+}
+
+/// The drive's own watchdog acts before a gateway that takes its line over.
+pub(super) fn trips_first(line: &LineSettings, drive: &DriveSettings) -> Option<String> {
+    let pair = line.standby.as_ref()?;
+    let watchdog = drive.control.as_ref()?.watchdog?;
+    let begins = line_plan::take_over(line, pair).begins;
+    (watchdog < begins).then(|| {
+        format!(
+            "its own watchdog of {} may act before gateway {} takes the line over (up to {} after {} is lost): then the \
+             drive stops by itself, whatever `on_gateway_lost` says",
+            duration_text(watchdog),
+            pair.half,
+            ms(begins),
+            pair.partner,
+        )
+    })
 }
 
 /// Some bits make a drive of `model` obey the bus whatever its own settings.

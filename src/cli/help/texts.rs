@@ -127,9 +127,37 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
             ("vfd-gateway health -c vfd-gateway.toml", "show each line and drive"),
             ("vfd-gateway health --url http://127.0.0.1:8080 --json", "for a script"),
             ("vfd-gateway health --alive", "for a container health check or another supervisor"),
+            ("vfd-gateway health --active", "for keepalived, which gives the common address to the active gateway"),
         ],
     )
-    .exits("0 ready (with --alive: alive), 1 not ready or not reachable, 2 wrong usage or configuration"),
+    .exits(
+        "0 ready (with --alive: alive, with --active: active), 1 not ready or not reachable, 2 wrong usage or configuration",
+    ),
+    help(
+        "standby",
+        "Two gateways may share a line (`[standby]` in the configuration): one sends, the other one listens and takes over.",
+        &[
+            ("vfd-gateway standby -c vfd-gateway.toml", "show on which lines this gateway sends"),
+            ("vfd-gateway standby yield", "give all lines to the other gateway, before an upgrade"),
+        ],
+    ),
+    help(
+        "standby status",
+        "Asks over the socket in the gateway's data directory.",
+        &[("vfd-gateway standby status --json", "for a script")],
+    ),
+    help(
+        "standby yield",
+        "Gives the line to the other gateway and waits until that one is heard. Motors keep running: their clients have \
+         `lost_after` to connect to the other gateway. If no other one takes over, this gateway takes the line back after a \
+         while, does what `on_gateway_lost` declares, and the command fails. Without a line it does nothing where this \
+         gateway does not send, or is alone.",
+        &[
+            ("vfd-gateway standby yield -c vfd-gateway.toml", "give all lines to the other gateway"),
+            ("vfd-gateway standby yield hall-1", "give one line to it"),
+        ],
+    )
+    .exits("0 handed over, or nothing to hand over; 1 not handed over or not reachable; 2 wrong usage, or no such line"),
     help(
         "diagnose",
         "The archive has what the gateway knows: its configuration with stars in place of passwords, the newest lines of the \

@@ -161,6 +161,18 @@ fn a_line_that_cannot_be_heard_has_no_second_gateway() {
 }
 
 #[test]
+fn no_program_holds_the_line_while_it_is_suspended() {
+    let switched = |by: &str| with(&pair(), "standby = true", &format!("standby = true\nrs485 = \"{by}\""));
+    only(
+        &switched("rts"),
+        "line[0].rs485: with a second gateway: a program that is suspended while it holds RTS keeps the other one from \
+         sending; \"adapter\" or \"kernel\"",
+    );
+    good(&switched("kernel"));
+    good(&with(&switched("rts"), "standby = true", "standby = false"));
+}
+
+#[test]
 fn the_silence_is_no_shorter_than_the_line_needs() {
     let after =
         |time: &str| with(&pair(), "partner = \"b\"\n", &format!("partner = \"b\"\ntake_over_after = \"{time}\"\n"));

@@ -7,8 +7,10 @@ use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, StationReport};
+use crate::domain::standby::StandbyPair;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
+use crate::line::standby::StandbyTimes;
 use arc_swap::{ArcSwap, Guard};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -39,6 +41,15 @@ pub struct SharedDrive {
     pub inbox: Arc<Inbox>,
 }
 
+/// The gateways of one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StandbyShare {
+    /// Their names.
+    pub pair: StandbyPair,
+    /// When this one takes the line over.
+    pub times: StandbyTimes,
+}
+
 /// One line, from its start to its end.
 #[derive(Debug)]
 pub struct SharedLine {
@@ -50,6 +61,8 @@ pub struct SharedLine {
     pub interface: Interface,
     /// How it is wired.
     pub wiring: Wiring,
+    /// The gateways on it; `None`: this one alone.
+    pub standby: Option<StandbyShare>,
     /// The way in.
     pub inbox: Arc<Inbox>,
     /// Its drives, in order.
@@ -139,7 +152,14 @@ impl SharedLine {
         let hangs = AtomicBool::default();
         let wiring = Wiring::default();
         let traffic = Traffic::default();
-        Self { number, name, interface, wiring, inbox, drives, traffic, report, rounds, hangs }
+        let standby = None;
+        Self { number, name, interface, wiring, standby, inbox, drives, traffic, report, rounds, hangs }
+    }
+
+    /// The same line with another gateway on it, if there is one.
+    #[must_use]
+    pub fn shared_with(self, standby: Option<StandbyShare>) -> Self {
+        Self { standby, ..self }
     }
 
     /// The same line, wired so.

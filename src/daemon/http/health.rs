@@ -41,13 +41,14 @@ pub(super) fn line_names(state: &State) -> Vec<String> {
 fn line(line: &SharedLine) -> Value {
     let report = line.report();
     let reason = report.down_reason();
-    let LineReport { state, suspicion, .. } = report;
+    let LineReport { state, suspicion, standby, .. } = report;
     let state = match state {
         LineState::Up => "up",
         LineState::Down => "down",
     };
     json!({ "name": line.name.as_str(), "state": state, "reason": reason,
-        "suspicion": suspicion.map(|suspicion| suspicion.to_string()) })
+        "suspicion": suspicion.map(|suspicion| suspicion.to_string()),
+        "standby": shown::standby(standby.as_ref(), line.standby.as_ref().map(|it| &it.pair)) })
 }
 
 fn drive(drive: &SharedDrive, now: MonoTime) -> Value {

@@ -12,6 +12,7 @@ pub mod diagnostics;
 mod doorkeeper;
 mod entrance;
 mod front;
+mod hand_over;
 mod health;
 mod large;
 pub mod lasting;

@@ -1,7 +1,7 @@
 //! Routes of the program's own tools, over the socket and never over TCP: what has to be set on a drive.
 
 use super::answers::json;
-use super::{params, setup, watchdog};
+use super::{hand_over, params, setup, watchdog};
 use crate::config::change::ChangeNote;
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::{LocalSide, Who};
@@ -31,6 +31,7 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
         .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
         .route("/api/v1/drives/{name}/usage/reset", post(reset_usage))
         .route("/api/v1/reload", post(reload))
+        .route("/api/v1/standby/yield", post(hand_over))
         .merge(params::router())
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
         .with_state(side)
@@ -115,6 +116,10 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
         }
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
+}
+
+async fn hand_over(State(side): State<Arc<LocalSide>>, body: Bytes) -> Response {
+    hand_over::answer(side, Who::TOOL, &body).await
 }
 
 /// The outcome of a reload.

@@ -91,7 +91,7 @@ impl Drive {
 }
 
 /// Sends a request over a connection of its own, and returns the status with the JSON.
-async fn ask(side: &Arc<LocalSide>, method: &str, path: &str, body: &str) -> (u16, Value) {
+pub(super) async fn ask(side: &Arc<LocalSide>, method: &str, path: &str, body: &str) -> (u16, Value) {
     let (client, server) = tokio::io::duplex(64 * 1024);
     let router = own_routes::router(Arc::clone(side));
     tokio::task::spawn_local(super::connections::converse(

@@ -16,6 +16,7 @@ use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
 use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, LineWaiting};
 use crate::domain::report::{ReplyReport, StationReport, StopBounds};
+use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -217,7 +218,8 @@ fn health_names_lines_and_drives() {
         assert_eq!(health["gateway"], "plant-a");
         assert_eq!(health["version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(health["ready"], true, "no broker is configured");
-        let line = serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null });
+        let line =
+            serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null, "standby": null });
         assert_eq!(health["lines"], serde_json::json!([line]));
         let drive = &health["drives"][0];
         assert_eq!((&drive["presence"], &drive["run_state"]), (&"online".into(), &"forward".into()));
@@ -267,9 +269,31 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
         assert!(fresh.lines().any(|it| it == line), "no {line} in\n{fresh}");
     }
     assert!(!fresh.contains("lease_held{"), "a drive without control has no lease");
+    assert!(!fresh.contains("line_active{"), "a line of one gateway has no roles");
     seen(Duration::from_millis(3000));
     let stale = text();
     assert!(!stale.contains("hertz{"), "{stale}");
+}
+
+#[test]
+fn a_line_of_two_gateways_is_shown_with_the_role() {
+    let state = state(false);
+    let standby = StandbyReport { role: LineRole::Active, take_overs: 3, given_up: 2, rivals: 1, hears_other: false };
+    show(&state, LineReport { standby: Some(standby), ..UP }, DriveView::default());
+    let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
+    for line in [
+        "vfd_gateway_line_active{line=\"hall-1\"} 1.0",
+        "vfd_gateway_line_hears_other{line=\"hall-1\"} 0.0",
+        "vfd_gateway_line_take_overs_total{line=\"hall-1\"} 3",
+        "vfd_gateway_line_given_up_total{line=\"hall-1\"} 2",
+        "vfd_gateway_line_rivals_total{line=\"hall-1\"} 1",
+    ] {
+        assert!(text.lines().any(|it| it == line), "no {line} in\n{text}");
+    }
+    let health = super::health::health(&state, clock::now());
+    let expected = serde_json::json!({ "role": "active", "half": null, "partner": null, "take_overs": 3, "given_up": 2,
+        "rivals": 1, "hears_other": false });
+    assert_eq!(health["lines"][0]["standby"], expected);
 }
 
 #[test]

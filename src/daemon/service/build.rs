@@ -3,7 +3,7 @@
 use crate::config::{
     self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
 };
-use crate::daemon::exchange::shared::{Shared, SharedLine};
+use crate::daemon::exchange::shared::{Shared, SharedLine, StandbyShare};
 use crate::daemon::host::secret_files;
 use crate::daemon::journal;
 use crate::daemon::line_thread::LinePort;
@@ -65,7 +65,8 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
         let place = DriveRef { line: number, drive: DriveIndex(index) };
         description(place, line, drive, stretch)
     });
-    SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line))
+    let standby = line.standby.clone().map(|pair| StandbyShare { times: line_plan::standby_times(line, &pair), pair });
+    SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line)).shared_with(standby)
 }
 
 fn wiring(line: &LineSettings) -> Wiring {

@@ -4,8 +4,9 @@ use super::line_use::Rates;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, LineState};
+use crate::domain::standby::StandbyPair;
 use crate::north::finding;
-use crate::north::shown::millis;
+use crate::north::shown::{self, millis};
 use crate::north::texts::Sentence;
 use crate::toml_file::words::{INTERFACES, SHOWN_FRAMINGS, word_for};
 use serde_json::{Value, json};
@@ -19,6 +20,8 @@ pub struct Line<'l> {
     pub interface: Interface,
     /// Its wiring.
     pub wiring: &'l Wiring,
+    /// The gateways on it; `None`: this one alone.
+    pub pair: Option<&'l StandbyPair>,
     /// The report of its thread.
     pub report: &'l LineReport,
     /// Its thread was found to hang.
@@ -33,7 +36,7 @@ impl Line<'_> {
     /// The document.
     #[must_use]
     pub fn document(&self) -> Value {
-        let LineReport { state, stop, measured, quality, suspicion, .. } = self.report;
+        let LineReport { state, stop, measured, quality, suspicion, standby, .. } = self.report;
         let said = |sentence: Option<Sentence>| sentence.map(|it| it.document());
         json!({
             "name": self.name.as_str(),
@@ -58,6 +61,7 @@ impl Line<'_> {
             },
             "suspicion": suspicion.map(|suspicion| suspicion.to_string()),
             "suspicion_said": said(suspicion.map(finding::suspicion)),
+            "standby": shown::standby(standby.as_ref(), self.pair),
             "drives": self.drives.iter().map(|name| name.as_str()).collect::<Vec<_>>(),
         })
     }

@@ -365,6 +365,7 @@ fn with_line<T>(report: LineReport, hangs: bool, made: impl FnOnce(&Line<'_>) ->
         name: &line,
         interface: Interface::Rs485,
         wiring: &wiring,
+        pair: None,
         report: &report,
         hangs,
         rates,
@@ -380,7 +381,7 @@ fn a_line_shows_its_wires_its_use_and_its_stops() {
         "state": "up", "reason": null, "reason_said": null, "hangs": false, "use_per_cent": 33.3, "planned_use_per_cent": 12.5,
         "bad_per_cent": null, "is_suspended": false, "exchanges_per_s": 12.0,
         "stop_ms": { "all_healthy": 41, "one_silent": 560, "each_further": 31, "longest_seen": 17 },
-        "suspicion": null, "suspicion_said": null, "drives": ["pump-1"],
+        "suspicion": null, "suspicion_said": null, "standby": null, "drives": ["pump-1"],
     });
     assert_eq!(shown, right);
     let down = with_line(LineReport::default(), false, |line| line.document());

@@ -1,9 +1,11 @@
 //! The routes that need a sign-in.
 
-use super::admission::admit;
+use super::admission::{Admitted, admit};
 use super::{Control, commands, commissioning, sign_in};
 use crate::daemon::http::answers::refusal;
 use crate::daemon::http::diagnostics::{Diagnostics, answer};
+use crate::daemon::http::hand_over;
+use crate::daemon::local::Who;
 use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
@@ -20,6 +22,7 @@ pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
         .route("/api/v1/drives/{name}/command", post(commands::command))
         .route("/api/v1/drives/{name}/lease", post(commands::renew))
         .route("/api/v1/stop", post(commands::stop_all))
+        .route("/api/v1/standby/yield", post(yield_lines))
         .with_state(Arc::clone(&control))
         .merge(commissioning::router(control))
         .merge(Router::new().route("/api/v1/diagnostics", post(diagnostics_for_user)).with_state(for_users))
@@ -28,13 +31,26 @@ pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
 type ForUsers = (Arc<Control>, Arc<Diagnostics>);
 
 async fn diagnostics_for_user(State((control, diagnostics)): State<ForUsers>, request: Request) -> Response {
-    match admit(&control, request).await.and_then(super::admission::Admitted::whole) {
+    match admit(&control, request).await.and_then(Admitted::whole) {
         Ok(admitted) if !admitted.rights.may_maintain() => {
             refusal(StatusCode::FORBIDDEN, "diagnostics need the role `maintain`")
         }
         Ok(admitted) => {
             tracing::info!(user = %admitted.user, "diagnostics made for the page");
             answer(&diagnostics).await
+        }
+        Err(refused) => *refused,
+    }
+}
+
+async fn yield_lines(State(control): State<Arc<Control>>, request: Request) -> Response {
+    match admit(&control, request).await.and_then(Admitted::whole) {
+        Ok(admitted) if !admitted.rights.may_maintain() => {
+            refusal(StatusCode::FORBIDDEN, "to give a line to the other gateway needs the role `maintain`")
+        }
+        Ok(Admitted { old: Some(old), .. }) => refusal(StatusCode::CONFLICT, &old.to_string()),
+        Ok(Admitted { user, body, .. }) => {
+            hand_over::answer(Arc::clone(&control.side), Who::signed_in(user), &body).await
         }
         Err(refused) => *refused,
     }

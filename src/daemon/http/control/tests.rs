@@ -320,6 +320,10 @@ fn a_role_and_groups_say_what_a_user_may_do_and_a_private_gateway_shows_nothing_
             if user != "anna" {
                 assert_eq!(house.ask("POST", "/api/v1/diagnostics", &head, "{}").await.0, 403, "{user}");
             }
+            let (status, _, given) = house.ask("POST", "/api/v1/standby/yield", &head, "{}").await;
+            let nothing = json!({ "yielded": false, "lines": [] });
+            let allowed = if user == "anna" { (200, nothing) } else { (403, given.clone()) };
+            assert_eq!((status, given), allowed, "{user}");
         }
         let told = |status, reason: &str, all| (status, reason.to_owned(), all);
         assert_eq!(outcomes, [told(200, "none", 200), told(403, "not_allowed", 409), told(200, "none", 200)]);

@@ -54,6 +54,7 @@ impl Source<'_> {
             name: &line.name,
             interface: line.interface,
             wiring: &line.wiring,
+            pair: line.standby.as_ref().map(|it| &it.pair),
             report: &report,
             hangs: line.hangs(),
             rates: self.uses.get(&line.number).and_then(LineUse::rates),

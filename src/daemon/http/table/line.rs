@@ -3,6 +3,7 @@
 use super::{Metric, counter, gauge, seconds, sum, truth};
 use crate::daemon::exchange::shared::SharedLine;
 use crate::domain::report::{LineReport, LineState};
+use crate::domain::standby::LineRole;
 
 /// Each line; label `line`.
 pub(in super::super) const LINE: &[Metric<LineReport>] = &[
@@ -100,6 +101,21 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
         Some(line.waiting.commands as f64)
     }),
     gauge("line_waiting_stops", "Drives whose stop is not effective yet.", |line| Some(line.waiting.stops as f64)),
+    gauge(
+        "line_active",
+        "1 while this gateway sends on the line, 0 while it only listens; absent where it is alone.",
+        |line| truth(line.standby?.role == LineRole::Active),
+    ),
+    gauge(
+        "line_hears_other",
+        "1 while another gateway or master is heard on the line; absent where it is alone.",
+        |line| truth(line.standby?.hears_other),
+    ),
+    counter("line_take_overs", "Times that this gateway took the line over.", |line| Some(line.standby?.take_overs)),
+    counter("line_given_up", "Times that this gateway gave the line up.", |line| Some(line.standby?.given_up)),
+    counter("line_rivals", "Times that another master was heard while this gateway was active.", |line| {
+        Some(line.standby?.rivals)
+    }),
 ];
 
 /// The thread of each line; label `line`.

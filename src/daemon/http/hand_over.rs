@@ -1,0 +1,349 @@
+//! Gives lines to the other gateway on request, waits for what comes of it, and keeps that in the audit.
+
+use super::answers::{json, refusal};
+use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::shared::{SharedLine, StandbyShare};
+use crate::daemon::local::{LocalSide, Who};
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::standby::{LineRole, RANK_MAX, StandbyReport};
+use crate::journal::Tried;
+use crate::line::standby::RANK_STEP;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json as value};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{Instant, sleep};
+
+/// How often the lines are looked at meanwhile.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Longest time for a line to give itself up: orders that are under way are carried out first.
+const GIVEN_UP_WITHIN: Duration = Duration::from_secs(7);
+const EXPECTED: &str = r#"a body such as {"line": "hall-1"} is expected, or none for all lines"#;
+
+/// What came of one line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum HandOver {
+    /// Another gateway is heard on it, and this one listens.
+    HandedOver,
+    /// No other took it: this one sends again.
+    TakenBack,
+    /// No other is heard, and this one does not send either.
+    NoOther,
+    /// The line did not do it.
+    NoAnswer,
+    /// This gateway does not send there.
+    NotActive,
+    /// It has no other gateway.
+    Alone,
+    /// It has no room for a message.
+    QueueFull,
+}
+
+impl HandOver {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::HandedOver => "handed_over",
+            Self::TakenBack => "taken_back",
+            Self::NoOther => "no_other",
+            Self::NoAnswer => "no_answer",
+            Self::NotActive => "not_active",
+            Self::Alone => "alone",
+            Self::QueueFull => "queue_full",
+        }
+    }
+
+    /// In words, with the name of the other gateway.
+    fn message(self, partner: &str) -> String {
+        match self {
+            Self::HandedOver => "another gateway sends on the line now".to_owned(),
+            Self::TakenBack => {
+                format!("no other gateway took the line over: this one has taken it back; does {partner} run?")
+            }
+            Self::NoOther => {
+                format!("no other gateway is heard on the line; this one takes it back by itself; does {partner} run?")
+            }
+            Self::NoAnswer => "the line was not given up in time: orders were under way all the while".to_owned(),
+            Self::NotActive => "this gateway does not send on the line: there is nothing to hand over".to_owned(),
+            Self::Alone => "the line has no second gateway: `standby` is not true in its `[[line]]`".to_owned(),
+            Self::QueueFull => "too many requests wait for the line".to_owned(),
+        }
+    }
+
+    /// As the audit has it; `None` for what was not tried.
+    const fn report(self) -> Option<Report> {
+        match self {
+            Self::HandedOver => Some(Report::new(Outcome::Confirmed, Reason::None)),
+            Self::TakenBack | Self::NoOther | Self::NoAnswer => {
+                Some(Report::new(Outcome::Failed, Reason::NotEffective))
+            }
+            Self::QueueFull => Some(Report::refused(Reason::QueueFull)),
+            Self::NotActive => Some(Report::refused(Reason::Standby)),
+            Self::Alone => None,
+        }
+    }
+}
+
+/// Carries out what `body` asks for: one line, or all lines on which this gateway sends.
+pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Response {
+    let Ok(named) = line_in(body) else { return refusal(StatusCode::BAD_REQUEST, EXPECTED) };
+    let Some(place) = side.place() else {
+        return refusal(StatusCode::SERVICE_UNAVAILABLE, "too many tools are served at once");
+    };
+    let lines = match chosen(&side, named.as_deref()) {
+        Ok(lines) => lines,
+        Err(unknown) => return *unknown,
+    };
+    // A client that disconnects does not cancel it; its outcome is kept.
+    let done = tokio::spawn(async move {
+        let _place = place;
+        hand_over(&side, who, &lines).await
+    });
+    let Ok(ended) = done.await else { return StatusCode::INTERNAL_SERVER_ERROR.into_response() };
+    let is_done = |outcome: &HandOver| *outcome == HandOver::HandedOver || named.is_none() && !was_tried(*outcome);
+    let status = if ended.iter().all(|(_, outcome)| is_done(outcome)) { StatusCode::OK } else { StatusCode::CONFLICT };
+    let line = |(line, outcome): &(Arc<SharedLine>, HandOver)| {
+        let partner = line.standby.as_ref().map_or("the other one", |share| share.pair.partner.as_str());
+        value!({ "line": line.name.as_str(), "outcome": outcome.word(), "message": outcome.message(partner) })
+    };
+    let lines: Vec<_> = ended.iter().map(line).collect();
+    let any = ended.iter().any(|(_, outcome)| *outcome == HandOver::HandedOver);
+    (status, json(&value!({ "yielded": any, "lines": lines }))).into_response()
+}
+
+/// Whether a line of several had anything to hand over.
+const fn was_tried(outcome: HandOver) -> bool {
+    !matches!(outcome, HandOver::NotActive | HandOver::Alone)
+}
+
+/// The line that `body` names; `None` for all.
+fn line_in(body: &[u8]) -> Result<Option<String>, ()> {
+    if body.is_empty() {
+        return Ok(None);
+    }
+    match serde_json::from_slice(body) {
+        Ok(Value::Null) => Ok(None),
+        Ok(Value::Object(mut keys)) => match (keys.remove("line"), keys.is_empty()) {
+            (None, true) => Ok(None),
+            (Some(Value::String(line)), true) => Ok(Some(line)),
+            _ => Err(()),
+        },
+        _ => Err(()),
+    }
+}
+
+/// The line called `named`, or all that have a second gateway.
+fn chosen(side: &LocalSide, named: Option<&str>) -> Result<Vec<Arc<SharedLine>>, Box<Response>> {
+    let shared = side.shared();
+    let Some(named) = named else {
+        return Ok(shared.lines.iter().filter(|line| line.standby.is_some()).cloned().collect());
+    };
+    let found = shared.lines.iter().find(|line| line.name.as_str() == named).cloned();
+    found.map(|line| vec![line]).ok_or_else(|| {
+        let known: Vec<_> = shared.lines.iter().map(|line| line.name.as_str()).collect();
+        let error = format!("there is no line `{named}`");
+        Box::new((StatusCode::NOT_FOUND, json(&value!({ "error": error, "lines": known }))).into_response())
+    })
+}
+
+/// A line that was asked.
+struct Asked {
+    line: Arc<SharedLine>,
+    begun: StandbyReport,
+    /// Until when it is to have given itself up.
+    given_up_by: Instant,
+    until: Instant,
+}
+
+impl Asked {
+    /// What came of it, as far as it is known.
+    fn ended(&self) -> Option<HandOver> {
+        let now = self.line.report().standby;
+        let at = Instant::now();
+        let is_late = at >= self.until;
+        match now {
+            Some(now) if now.role == LineRole::Listening && now.hears_other => Some(HandOver::HandedOver),
+            Some(now) if now.role == LineRole::Listening => is_late.then_some(HandOver::NoOther),
+            Some(now) if now.take_overs > self.begun.take_overs => Some(HandOver::TakenBack),
+            _ => (at >= self.given_up_by).then_some(HandOver::NoAnswer),
+        }
+    }
+}
+
+/// Longest time until the other gateway is heard, or this one sends again: the other one may have any rank.
+fn longest(share: &StandbyShare) -> Duration {
+    (share.times.worst_take_over() + RANK_STEP * u32::from(RANK_MAX)) * 2
+}
+
+/// All `lines` at once, each with what came of it.
+async fn hand_over(side: &LocalSide, who: Who, lines: &[Arc<SharedLine>]) -> Vec<(Arc<SharedLine>, HandOver)> {
+    let begun: Vec<_> = lines.iter().map(begin).collect();
+    let mut ended = Vec::with_capacity(lines.len());
+    for (line, asked) in lines.iter().zip(begun) {
+        let outcome = match asked {
+            Ok(asked) => loop {
+                if let Some(outcome) = asked.ended() {
+                    break outcome;
+                }
+                sleep(LOOK_EVERY).await;
+            },
+            Err(outcome) => outcome,
+        };
+        if let Some(report) = outcome.report() {
+            side.keep(who, None, Tried::Text(format!("standby yield {}", line.name)), report);
+            tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.word(), "asked to give the line up");
+        }
+        ended.push((Arc::clone(line), outcome));
+    }
+    ended
+}
+
+fn begin(line: &Arc<SharedLine>) -> Result<Asked, HandOver> {
+    let share = line.standby.as_ref().ok_or(HandOver::Alone)?;
+    let report = line.report().standby;
+    let begun = report.filter(|report| report.role == LineRole::Active).ok_or(HandOver::NotActive)?;
+    let given_up_by = Instant::now() + GIVEN_UP_WITHIN;
+    let until = given_up_by + longest(share);
+    line.inbox.put(Message::Yield).map_err(|_| HandOver::QueueFull)?;
+    Ok(Asked { line: Arc::clone(line), begun, given_up_by, until })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::setup_tests::ask;
+    use super::*;
+    use crate::daemon::exchange::north_journal::NorthJournal;
+    use crate::daemon::exchange::shared::Shared;
+    use crate::domain::command::Owner;
+    use crate::domain::ids::Name;
+    use crate::domain::link::{Framing, Interface, LinkSettings};
+    use crate::domain::report::LineReport;
+    use crate::domain::standby::StandbyPair;
+    use crate::drive::description::DriveRef;
+    use crate::journal::Attempt;
+    use crate::line::standby::StandbyTimes;
+    use crate::line::timing::Timing;
+    use std::sync::Mutex;
+
+    const PATH: &str = "/api/v1/standby/yield";
+    const ACTIVE: StandbyReport =
+        StandbyReport { role: LineRole::Active, take_overs: 1, given_up: 0, rivals: 0, hears_other: false };
+    const LISTENING: StandbyReport = StandbyReport { role: LineRole::Listening, given_up: 1, ..ACTIVE };
+    const HEARS: StandbyReport = StandbyReport { hears_other: true, ..LISTENING };
+    const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };
+
+    /// Keeps what was tried, by whom, and how it ended.
+    #[derive(Debug, Default)]
+    struct Kept(Mutex<Vec<(Owner, String, Outcome)>>);
+
+    impl NorthJournal for Kept {
+        fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+            let Tried::Text(text) = attempt.tried else { panic!("{attempt:?}") };
+            assert_eq!(drive, None);
+            self.0.lock().unwrap().push((attempt.owner, text, attempt.report.unwrap().outcome));
+        }
+
+        fn event_taken(&self, _: u64) {}
+
+        fn want_events(&self, _: u64) {}
+    }
+
+    /// Lines with their reports; `None`: the line has no second gateway.
+    fn side(lines: &[(&str, Option<StandbyReport>)], kept: &Arc<Kept>) -> Arc<LocalSide> {
+        let name = |text: &str| Name::new(text).unwrap();
+        let pair = StandbyPair { half: name("a"), partner: name("b"), rank: 0, take_over_after: None };
+        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, [], Duration::ZERO);
+        let times = StandbyTimes::shortest(&timing, Duration::from_millis(600));
+        let line = |(number, (text, report)): (u16, &(&str, Option<StandbyReport>))| {
+            let share = report.map(|_| StandbyShare { pair: pair.clone(), times });
+            let line = SharedLine::new(number, name(text), Interface::Rs485, []).shared_with(share);
+            line.set_report(LineReport { standby: *report, ..LineReport::default() });
+            Arc::new(line)
+        };
+        let shared = Shared::of((0..).zip(lines).map(line).collect(), Arc::default());
+        let journal: Arc<dyn NorthJournal> = Arc::<Kept>::clone(kept);
+        Arc::new(LocalSide::new(Arc::new(shared), None).keeping(Some(journal)))
+    }
+
+    /// The answer to `body`, if the lines of `side` have these reports, one a second, once they are asked to yield.
+    fn asked(side: &Arc<LocalSide>, body: &str, then: &'static [StandbyReport]) -> (u16, Value) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().start_paused(true).build().unwrap();
+        tokio::task::LocalSet::new().block_on(&runtime, async {
+            for line in side.shared().lines.iter().cloned() {
+                tokio::task::spawn_local(async move {
+                    let mut batch = Vec::new();
+                    loop {
+                        line.inbox.take(&mut batch);
+                        for message in batch.drain(..) {
+                            assert!(matches!(message, Message::Yield), "{message:?}");
+                            for report in then {
+                                sleep(Duration::from_secs(1)).await;
+                                line.set_report(LineReport { standby: Some(*report), ..LineReport::default() });
+                            }
+                        }
+                        sleep(Duration::from_millis(10)).await;
+                    }
+                });
+            }
+            ask(side, "POST", PATH, body).await
+        })
+    }
+
+    fn outcomes(answer: &Value) -> Vec<(String, String)> {
+        let word = |line: &Value, key: &str| line[key].as_str().unwrap().to_owned();
+        answer["lines"].as_array().unwrap().iter().map(|it| (word(it, "line"), word(it, "outcome"))).collect()
+    }
+
+    #[test]
+    fn a_line_is_given_up_and_what_came_of_it_is_told_and_kept() {
+        let table: [(&'static [StandbyReport], u16, &str, Outcome); 5] = [
+            (&[HEARS], 200, "handed_over", Outcome::Confirmed),
+            (&[LISTENING, LISTENING, HEARS], 200, "handed_over", Outcome::Confirmed),
+            (&[LISTENING, BACK], 409, "taken_back", Outcome::Failed),
+            (&[LISTENING], 409, "no_other", Outcome::Failed),
+            (&[], 409, "no_answer", Outcome::Failed),
+        ];
+        for (then, status, word, outcome) in table {
+            let kept = Arc::<Kept>::default();
+            let side = side(&[("hall-1", Some(ACTIVE))], &kept);
+            let (found, answer) = asked(&side, r#"{"line": "hall-1"}"#, then);
+            assert_eq!((found, outcomes(&answer)), (status, vec![("hall-1".to_owned(), word.to_owned())]), "{answer}");
+            assert_eq!(answer["yielded"], status == 200);
+            let row = (Owner::Local, "standby yield hall-1".to_owned(), outcome);
+            assert_eq!(*kept.0.lock().unwrap(), [row]);
+        }
+    }
+
+    #[test]
+    fn without_a_name_only_lines_on_which_it_sends_are_given_up() {
+        let kept = Arc::<Kept>::default();
+        let side = side(&[("own", None), ("far", Some(HEARS)), ("near", Some(ACTIVE))], &kept);
+        for body in ["", "null", "{}"] {
+            side.shared().lines[2].set_report(LineReport { standby: Some(ACTIVE), ..LineReport::default() });
+            let (status, answer) = asked(&side, body, &[HEARS]);
+            let expected = [("far", "not_active"), ("near", "handed_over")];
+            let expected: Vec<_> = expected.iter().map(|(line, it)| ((*line).to_owned(), (*it).to_owned())).collect();
+            assert_eq!((status, outcomes(&answer)), (200, expected), "{answer}");
+        }
+        // Now it sends on none.
+        let (status, answer) = asked(&side, "{}", &[]);
+        assert_eq!((status, &answer["yielded"]), (200, &Value::Bool(false)), "{answer}");
+    }
+
+    #[test]
+    fn a_named_line_with_nothing_to_hand_over_is_an_error() {
+        let kept = Arc::<Kept>::default();
+        let side = side(&[("own", None), ("far", Some(HEARS))], &kept);
+        for (name, word) in [("own", "alone"), ("far", "not_active")] {
+            let (status, answer) = asked(&side, &value!({ "line": name }).to_string(), &[]);
+            assert_eq!((status, outcomes(&answer)), (409, vec![(name.to_owned(), word.to_owned())]), "{answer}");
+        }
+        let (status, answer) = asked(&side, r#"{"line": "hall-9"}"#, &[]);
+        assert_eq!((status, &answer["lines"]), (404, &value!(["own", "far"])), "{answer}");
+        for body in ["{", r#"{"line": 1}"#, r#"{"lines": "own"}"#, "[]", r#"{"line": "own", "now": true}"#] {
+            assert_eq!(asked(&side, body, &[]).0, 400, "{body}");
+        }
+        let alone = self::side(&[("own", None)], &kept);
+        assert_eq!(asked(&alone, "", &[]), (200, value!({ "yielded": false, "lines": [] })));
+    }
+}
