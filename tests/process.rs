@@ -46,6 +46,7 @@
 //! | `serial_master` | a serial master reads and commands drives; noise, foreign units and late answers do not reach it; its port comes and goes, and so does it over reloads |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `page_control` | control from the page: sign-in, what is refused, and what happens when the page is gone |
+//! | `standby` | two gateways on one bus: one is killed, hangs, is unplugged, and the other stops what ran; never two masters |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |
@@ -220,6 +221,8 @@ mod services;
 mod setting_up;
 #[path = "process/sparkplug.rs"]
 mod sparkplug;
+#[path = "process/standby/mod.rs"]
+mod standby;
 #[path = "process/stopping.rs"]
 mod stopping;
 #[path = "process/taking.rs"]
@@ -245,6 +248,8 @@ mod adapter;
 mod chromium;
 #[path = "process/hass.rs"]
 mod hass;
+#[path = "process/hub/mod.rs"]
+mod hub;
 #[path = "process/meddler.rs"]
 mod meddler;
 #[path = "process/mistakes.rs"]

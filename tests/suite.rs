@@ -139,6 +139,10 @@ mod sharing;
 mod sheets;
 #[path = "scenarios/signed_setpoints.rs"]
 mod signed_setpoints;
+#[path = "scenarios/standby.rs"]
+mod standby;
+#[path = "scenarios/standby_trouble.rs"]
+mod standby_trouble;
 #[path = "scenarios/starts.rs"]
 mod starts;
 #[path = "scenarios/stop_all.rs"]

@@ -57,6 +57,8 @@ impl LineCore {
             return;
         };
         let facts = Facts {
+            listens: self.listens(),
+            other_is_alive: self.hears_other(now),
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
             ..drive.work.facts(self.takes_requests(), self.is_offline(command.drive), now)
         };
@@ -141,6 +143,9 @@ impl LineCore {
 
     /// Whether a read of `drive` may be queued: the line is up, there is room, and the drive is not silent.
     fn may_wait(&self, now: MonoTime, drive: DriveIndex) -> Result<(), NativeOutcome> {
+        if self.listens() {
+            return Err(refused(Refusal::Standby));
+        }
         if !self.takes_requests() {
             return Err(refused(Refusal::LineDown));
         }

@@ -8,6 +8,7 @@ use super::measured::Measured;
 use super::natives::Natives;
 use super::outbox::Outbox;
 use super::setup::LineSetup;
+use super::standby::Share;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::link::EchoPolicy;
@@ -83,6 +84,8 @@ pub struct LineCore {
     /// The last data received that is already reported, because a frame of ours was sent after it.
     pub(super) told_ahead: usize,
     pub(super) effects: Outbox,
+    /// Its share in the line, if there are other gateways.
+    pub(super) share: Option<Share>,
 }
 
 /// The exchange on the wire.
@@ -136,11 +139,15 @@ impl LineCore {
         let mut effects = Outbox::new(setup.keeps, setup.drives.len());
         effects.set_time(now);
         let mut drives = Drives::new(&setup, &budget, now);
+        let share = Share::of(&setup);
         for drive in drives.iter_mut() {
             if setup.joins_late {
                 drive.work.inhibit(now);
             }
-            if setup.keeps {
+            // Another gateway may have ordered something else since.
+            if setup.keeps && share.is_some() {
+                drive.work.remember_records(&drive.setup.remembered);
+            } else if setup.keeps {
                 drive.work.remember(&drive.setup.remembered, now, &mut effects);
             }
         }
@@ -167,6 +174,7 @@ impl LineCore {
             counters: LineCounters::default(),
             told_ahead: 0,
             effects,
+            share,
             timing: setup.timing,
             echo_policy: setup.echo,
             tells_traffic: setup.tells_traffic,
@@ -193,6 +201,10 @@ impl LineCore {
                     drive.work.reset_usage(owner, &mut self.effects);
                 }
             }
+            // Another gateway controls the drives of a line that is listened to.
+            Input::Shutdown if self.listens() => {
+                self.drives.works_mut().for_each(DriveWork::end);
+            }
             Input::Shutdown => {
                 for work in self.drives.works_mut() {
                     work.shut_down(now, &mut self.effects);
@@ -204,7 +216,7 @@ impl LineCore {
                     work.leave(now, stops, &mut self.effects);
                 }
             }
-            Input::Yield => {}
+            Input::Yield => self.on_yield(now),
             Input::Stay => self.drives.works_mut().for_each(DriveWork::stay),
             Input::Time => self.on_time(now),
         }
@@ -231,7 +243,10 @@ impl LineCore {
         });
         let overdue = self.overdue_at().map(|at| Wake { at, reason: WakeReason::ReplyDue });
         let work = if self.wire.is_busy() { None } else { self.work_wake() };
-        [deadline, lease, wire, overdue, work, self.health_wake()].into_iter().flatten().min_by_key(|wake| wake.at)
+        [deadline, lease, wire, overdue, work, self.health_wake(), self.share_wake()]
+            .into_iter()
+            .flatten()
+            .min_by_key(|wake| wake.at)
     }
 
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
@@ -264,7 +279,7 @@ impl LineCore {
             quality: self.health.report(),
             suspicion: self.health.suspicion(),
             waiting: self.waiting(),
-            standby: None,
+            standby: self.standby_report(),
         }
     }
 
@@ -360,6 +375,7 @@ impl LineCore {
             }
         }
         self.end_overdue_for_a_stop(now);
+        self.pass_share(now);
         self.decide(now);
     }
 

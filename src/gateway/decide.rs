@@ -37,13 +37,14 @@ impl LineCore {
     /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line only stops
     /// are sent, over the babble.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        if !self.is_open || self.wire.is_busy() || now < self.free_from() {
+        if !self.is_open || self.wire.is_busy() || now < self.free_from() || !self.may_send(now) {
             return;
         }
-        if self.stop_all(now) {
+        if self.stop_all(now) || self.hand_over(now) {
             return;
         }
-        let Some((drive, request, purpose)) = self.pick(now) else { return };
+        let picked = self.pick(now).or_else(|| self.pick_sign_of_life(now));
+        let Some((drive, request, purpose)) = picked else { return };
         self.cut_short = None;
         let asked = &self.drives[drive];
         let station = asked.setup.station;
@@ -230,7 +231,10 @@ impl LineCore {
             let at = stop.max(self.wire.held_until()).min(silence);
             return Some(Wake { at, reason: WakeReason::SilentInterval });
         }
-        let work = self.work_at()?;
+        if self.listens() {
+            return None;
+        }
+        let work = [self.work_at(), self.sign_of_life_at(), self.yields_at()].into_iter().flatten().min()?;
         Some(if work > silence {
             Wake { at: work, reason: WakeReason::WorkDue }
         } else {

@@ -197,12 +197,22 @@ impl LineCore {
     /// Counts what was received, reports it to watchers, and notes which stations are present.
     pub(super) fn tell_heard(&mut self, now: MonoTime) {
         let mut was_answered = false;
+        let mut rival = None;
         for heard in self.wire.take_heard() {
+            if self.overhears(now, &heard) {
+                self.tell_of(heard);
+                continue;
+            }
             match heard.kind {
+                // The adapter does not echo: another gateway has asked the same.
+                TrafficKind::Echo if self.is_no_echo() => rival = Some(heard.bytes.clone()),
                 TrafficKind::Request => {}
                 TrafficKind::Reply => was_answered = true,
                 TrafficKind::Echo => self.counters.echoes += 1,
-                TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
+                TrafficKind::OtherMaster(_) => {
+                    self.counters.other_master += 1;
+                    rival = Some(heard.bytes.clone());
+                }
                 TrafficKind::Stray(station) => {
                     self.counters.strays += 1;
                     self.learn_late(now, station, &heard.bytes);
@@ -219,10 +229,15 @@ impl LineCore {
                     flight.into_iter().for_each(|flight| flight.noise += heard.bytes.len());
                 }
             }
-            self.echo.heard(heard.kind, &heard.bytes);
+            if rival.is_none() {
+                self.echo.heard(heard.kind, &heard.bytes);
+            }
             self.health.diagnosis.heard(heard.kind, &heard.bytes);
             self.health.damage.heard(heard.kind, &heard.bytes);
             self.tell_of(heard);
+        }
+        if let Some(frame) = rival {
+            self.hears_rival(now, &frame);
         }
     }
 

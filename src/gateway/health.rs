@@ -205,6 +205,10 @@ impl LineCore {
         match trouble {
             Some(LineFault::Jammed) => self.counters.jams += 1,
             Some(LineFault::Echo) => self.health.probe_at = now,
+            // Reopening gives the line up: with another gateway on it, that is worth it only now and then.
+            Some(LineFault::Mute) if self.share.is_some() => {
+                (self.health.reopen_at, self.health.reopen_wait) = (now + REOPEN_MAX, REOPEN_MAX);
+            }
             Some(LineFault::Mute) => (self.health.reopen_at, self.health.reopen_wait) = (now, REOPEN_FIRST),
             _ => {}
         }

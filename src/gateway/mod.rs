@@ -14,6 +14,7 @@
 //! | `station` | reports one drive on its line |
 //! | `port` | handles opening and closing of the port |
 //! | `probe` | finds out whether the line echoes |
+//! | `standby` | shares the line with other gateways |
 //! | `health` | decides whether the line can be used |
 //! | `traffic` | reports traffic to those who watch the line |
 //! | `work` | a drive's own work: its `stop`, the `execution` of a command, its trips |
@@ -37,6 +38,7 @@ mod overdue;
 mod port;
 mod probe;
 mod setup;
+mod standby;
 mod station;
 mod stop;
 mod traffic;

@@ -5,6 +5,8 @@ use crate::domain::control::FailSafe;
 use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
 use crate::drive::watchdog::WatchdogState;
+use crate::line::standby::Change;
+use std::fmt;
 
 /// An event of a drive that no request caused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -83,6 +85,14 @@ pub enum Note {
     /// The gateway shuts down and the declared action runs.
     #[error("the gateway is shutting down: the declared action is {}", .0.word())]
     ShuttingDown(FailSafe),
+    /// Another gateway of the line is lost while the drive was ordered to run; the declared action runs.
+    #[error("the other gateway of the line is lost: the declared action is {}", .0.word())]
+    GatewayLost(FailSafe),
+    /// The same, and the drive goes on for a while.
+    #[error(
+        "the other gateway of the line is lost: the drive goes on, and its client has the time of a lost one to come back"
+    )]
+    Adopted,
     /// The drive leaves the configuration, or its line is restarted, while it is in use.
     #[error("the drive is being removed or its line restarted: stopping it first")]
     Leaving,
@@ -106,9 +116,58 @@ pub enum LineNote {
     /// The exchanges are good again.
     #[error("the line's exchanges are good again: run orders are accepted")]
     Resumed,
+    /// This gateway sends on the line from now on.
+    #[error("active on the line: no other gateway was heard")]
+    TakenOver,
+    /// The same, because the line was handed over.
+    #[error("active on the line: the other gateway handed it over")]
+    HandedOver,
+    /// Another gateway of the line is to send.
+    #[error("listening on the line: {}", given_up(.0))]
+    GivenUp(Change),
+    /// Another master was heard while this gateway was active.
+    #[error("listening on the line: rival_on_line, another master sent {0}")]
+    Rival(HeardFrame),
     /// The suspected cause of the failures; `None`: no longer any.
     #[error("{}", suspected(.0))]
     Suspects(Option<Suspicion>),
+}
+
+/// The beginning of a frame that was heard, for messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeardFrame {
+    bytes: [u8; 16],
+    len: usize,
+}
+
+impl HeardFrame {
+    /// The first bytes of `frame`.
+    #[must_use]
+    pub fn of(frame: &[u8]) -> Self {
+        let mut bytes = [0; 16];
+        let len = frame.len();
+        bytes.iter_mut().zip(frame).for_each(|(to, from)| *to = *from);
+        Self { bytes, len }
+    }
+}
+
+impl fmt::Display for HeardFrame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, byte) in self.bytes.iter().take(self.len).enumerate() {
+            let space = if at > 0 { " " } else { "" };
+            write!(f, "{space}{byte:02X}")?;
+        }
+        if self.len > self.bytes.len() { write!(f, " ... ({} bytes)", self.len) } else { Ok(()) }
+    }
+}
+
+const fn given_up(change: &Change) -> &'static str {
+    match change {
+        Change::Stalled => "nothing was sent for too long, so another gateway may have taken it over",
+        Change::Rival => "another master was heard",
+        Change::Yielded => "it was given up on request",
+        Change::TakenOver | Change::HandedOver => "it was taken over",
+    }
 }
 
 fn suspected(suspicion: &Option<Suspicion>) -> String {

@@ -1,6 +1,7 @@
 //! Opening and loss of the port.
 
 use super::core::{LineCore, Purpose};
+use crate::domain::command::Reason;
 use crate::domain::link::PortKind;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::{LineFault, LineState};
@@ -22,6 +23,7 @@ impl LineCore {
         self.wire.port_opened(now, kind);
         self.wire.strip_echo(false);
         self.echo.port_opened();
+        self.share_port_opened(now);
         self.measured.port_opened(now);
         self.health.port_opened();
         if self.counters.port_ups == 1 && self.asked_before {
@@ -41,24 +43,30 @@ impl LineCore {
         self.health.trouble = None;
         self.health.is_mute &= fault == LineFault::Mute;
         self.counters.port_downs += 1;
-        if let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) {
-            if consequence(Fault::PortGone).reply_may_come_late {
-                // Its time-out has not passed, and may not even have begun.
-                let drive = &mut self.drives[flight.drive];
-                let sent_at = flight.request_end;
-                let begun = now + drive.full_wait(&exchange.request, &self.timing);
-                let until = drive.may_come_until(begun, sent_at, &exchange.request, &self.timing);
-                drive.station.reply_missing(Missing { request: exchange.request, sent_at, until }, now);
-            }
-            self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
-        }
+        self.lose_exchange(now);
+        // What it ordered itself is kept in mind before it is forgotten.
+        self.share_port_gone(now);
         self.end_waiting(now);
+    }
+
+    /// What is on the wire is lost; its reply may still arrive, later.
+    pub(super) fn lose_exchange(&mut self, now: MonoTime) {
+        let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) else { return };
+        if consequence(Fault::PortGone).reply_may_come_late {
+            // Its time-out has not passed, and may not even have begun.
+            let drive = &mut self.drives[flight.drive];
+            let sent_at = flight.request_end;
+            let begun = now + drive.full_wait(&exchange.request, &self.timing);
+            let until = drive.may_come_until(begun, sent_at, &exchange.request, &self.timing);
+            drive.station.reply_missing(Missing { request: exchange.request, sent_at, until }, now);
+        }
+        self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
     }
 
     /// Answers everything that waits as not sent.
     pub(super) fn end_waiting(&mut self, now: MonoTime) {
         for work in self.drives.works_mut() {
-            work.line_down(now, &mut self.effects);
+            work.line_down(now, Reason::LineDown, &mut self.effects);
         }
         let waiting = self.schedule.clear();
         self.end_all(waiting, &NativeOutcome::Refused(Refusal::LineDown));

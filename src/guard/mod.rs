@@ -4,6 +4,7 @@
 //! control, the current order, and who may start the drive. It is called guard, not safety: it is no safety function.
 
 pub mod access;
+mod adoption;
 mod approved;
 mod at_rest;
 mod commit;

@@ -11,7 +11,9 @@ impl DriveGuard {
     pub(super) fn may_command(&self, origin: Origin, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
         self.may_be_heard(origin)?;
         let other = self.lease().map(|(owner, _)| owner).filter(|owner| *owner != origin.owner);
-        let reason = if !facts.line_is_up {
+        let reason = if facts.listens {
+            Reason::Standby
+        } else if !facts.line_is_up {
             Reason::LineDown
         } else if facts.is_offline {
             Reason::Offline

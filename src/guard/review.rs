@@ -21,6 +21,10 @@ pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 pub struct Facts {
     /// Requests can be sent over the line.
     pub line_is_up: bool,
+    /// Another gateway of the line sends, or may send: this one listens.
+    pub listens: bool,
+    /// That gateway is alive, as far as can be heard: it is the one to stop the drive.
+    pub other_is_alive: bool,
     /// Too many exchanges with the drive fail.
     pub line_is_bad: bool,
     /// The drive has stopped answering.
@@ -81,9 +85,11 @@ impl DriveGuard {
             // A setpoint beside a stop is never accepted: the client sees that when it reads back.
             Order::Stop { .. } => self.review_stop(origin, facts, now),
             Order::Coast => self.review_coast(origin, &control, facts, now),
+            Order::Take if facts.listens => Err(refused(Reason::Standby)),
             Order::Take => self.review_take(origin, &control, facts, now),
             order => {
                 self.may_command(origin, &control, facts)?;
+                self.take_up(origin, order, now);
                 match order {
                     Order::Go(go) if self.sets_watchdog(origin, go) => self.review_watchdog(command, go, facts, now),
                     Order::Go(go) if is_parameter(origin, go) => self.review_parameter(command, go, facts, now),
@@ -101,7 +107,7 @@ impl DriveGuard {
     }
 
     fn review_stop(&mut self, origin: Origin, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
-        may_stop(origin)?;
+        may_stop(origin, facts)?;
         self.stop(origin, false, facts, now)
     }
 
@@ -112,7 +118,7 @@ impl DriveGuard {
         facts: &Facts,
         now: MonoTime,
     ) -> Result<Verdict, Report> {
-        may_stop(origin)?;
+        may_stop(origin, facts)?;
         self.may_do(ControlAction::Coast, control)?;
         self.stop(origin, true, facts, now)
     }
@@ -237,6 +243,10 @@ fn comes_over_the_bus(control: &ControlSettings, order: &Order) -> Result<(), Re
     if may { Ok(()) } else { Err(refused(Reason::NotOverBus)) }
 }
 
-fn may_stop(origin: Origin) -> Result<(), Report> {
-    if origin.rights.stop { Ok(()) } else { Err(refused(Reason::NotAllowed)) }
+/// A stop is refused only where another gateway would carry it out, and this one may not send.
+fn may_stop(origin: Origin, facts: &Facts) -> Result<(), Report> {
+    if !origin.rights.stop {
+        return Err(refused(Reason::NotAllowed));
+    }
+    if facts.listens && facts.other_is_alive { Err(refused(Reason::Standby)) } else { Ok(()) }
 }

@@ -1,5 +1,6 @@
 //! Control of one drive: its owner, the current order, and who may start it.
 
+use super::adoption::Adopted;
 use super::approved::StopOrder;
 use super::interlocks::Interlocks;
 use super::orphan::Orphan;
@@ -21,6 +22,8 @@ pub struct DriveGuard {
     /// What the frequencies of the drive are fractions of.
     pub(super) bases: Bases,
     pub(super) lease: Option<Lease>,
+    /// A run order from another gateway of the line that no client here has taken up yet.
+    pub(super) adopted: Option<Adopted>,
     intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order counts as new.
     pub(super) run_acknowledged: bool,
@@ -95,6 +98,7 @@ impl DriveGuard {
             model,
             control,
             lease: None,
+            adopted: None,
             intent: RunIntent::Stop,
             run_acknowledged: false,
             obeyed: None,
@@ -175,10 +179,11 @@ impl DriveGuard {
         self.epoch += 1;
     }
 
-    /// When [`Self::expire`] is due: the end of the lease.
+    /// When [`Self::expire`] is due: the end of the lease, or of an adoption.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        self.lease.map(|lease| lease.until).filter(|until| *until != MonoTime::NEVER)
+        let lease = self.lease.map(|lease| lease.until).filter(|until| *until != MonoTime::NEVER);
+        lease.into_iter().chain(self.adopted.map(|adopted| adopted.until)).min()
     }
 
     /// The owner renews its lease.
@@ -193,6 +198,7 @@ impl DriveGuard {
 
     /// The connection of `owner` is open: that alone renews a session lease.
     pub fn path_alive(&mut self, owner: Owner, now: MonoTime) {
+        self.take_up_by_path(owner, now);
         if self.control.as_ref().is_some_and(|control| control.lease == LeaseMode::Session) {
             self.renew(owner, now);
         }
@@ -206,7 +212,7 @@ impl DriveGuard {
     /// Ends the lease if it has expired at `now`, and returns the declared action; `None` if no action is needed, because
     /// the drive is ordered to stop and is `at_rest`.
     pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
-        let lease = self.lease.filter(|lease| lease.until <= now)?;
+        let Some(lease) = self.lease.filter(|lease| lease.until <= now) else { return self.expire_adopted(now) };
         self.lease = None;
         let action = self.control.as_ref()?.on_commander_lost;
         let was_ordered = matches!(self.intent, RunIntent::Run(_));
@@ -240,6 +246,20 @@ impl DriveGuard {
         self.intent = RunIntent::Stop;
         self.run_acknowledged = false;
         self.obeyed = None;
+        self.adopted = None;
+    }
+
+    /// The drive obeys an order to run in `direction` that was not given here.
+    pub(super) fn runs_already(&mut self, direction: Direction) {
+        self.intent = RunIntent::Run(direction);
+        self.run_acknowledged = true;
+        self.obeyed = Some((direction, true));
+        self.turned = Some(direction);
+    }
+
+    /// The declared action runs.
+    pub(super) const fn has_failed_safe_now(&mut self) {
+        self.failsafe = true;
     }
 
     /// The drive tripped or is offline: it may also have lost its setpoint.
@@ -347,6 +367,7 @@ impl DriveGuard {
     /// Accepts an order of `owner` to run, or a setpoint for a drive that may turn: control is leased.
     pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
         if let Some(control) = &self.control {
+            self.adopted = None;
             self.lease = Some(Lease { owner, until: now + control.lost_after, orphan: None });
         }
     }

@@ -20,6 +20,8 @@ pub(super) const NOW: MonoTime = MonoTime::from_millis(100_000);
 pub(super) const STOP: Order = Order::Stop { setpoint: None };
 pub(super) const RESTING: Facts = Facts {
     line_is_up: true,
+    listens: false,
+    other_is_alive: false,
     line_is_bad: false,
     is_offline: false,
     stop_pending: false,

@@ -99,6 +99,8 @@ pub enum Cause {
     CrashLoop,
     /// The drive is removed from the configuration.
     Removed,
+    /// Another gateway of the line was lost while the drive was ordered to run.
+    GatewayLost,
 }
 
 impl Cause {
@@ -111,6 +113,7 @@ impl Cause {
             Self::Orphaned => "orphaned",
             Self::CrashLoop => "crash_loop",
             Self::Removed => "removed",
+            Self::GatewayLost => "gateway_lost",
         }
     }
 }

@@ -16,6 +16,8 @@ use std::time::Duration;
 pub const PROBE_AFTER: Duration = Duration::from_millis(500);
 /// How much later each rank takes a line over than the one before it.
 pub const RANK_STEP: Duration = Duration::from_millis(500);
+/// The same where the line is handed over: its first frame must be heard before the next rank has its turn.
+const ACCEPT_STEP: Duration = Duration::from_millis(200);
 /// Longest random wait before a line that two gateways gave up is taken again.
 const TIE_BREAK: Duration = Duration::from_millis(500);
 /// The least of [`StandbyTimes::silent_at_most`].
@@ -26,6 +28,13 @@ const TAKE_OVER_AT_LEAST: Duration = Duration::from_millis(2500);
 const SLACK: Duration = Duration::from_millis(500);
 /// How long an adapter may hold received bytes back: the longest latency timer of common USB adapters.
 const HELD_BACK: Duration = Duration::from_millis(255);
+/// How long handing a frame to the port may take. One that took longer was sent late: another gateway may have taken
+/// the line over in between.
+const HAND_OVER_MAX: Duration = Duration::from_millis(250);
+/// How often a listener looks at a silent line.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// A listener that did not look for longer was suspended, perhaps with its whole host: it may have missed what was sent.
+const LOOK_MAX: Duration = Duration::from_millis(400);
 /// Two clocks differ by at most one part in this many.
 const DRIFT: u32 = 50;
 
@@ -36,6 +45,8 @@ pub struct StandbyTimes {
     pub silent_at_most: Duration,
     /// Silence after which this gateway takes the line over, with its rank.
     pub take_over_after: Duration,
+    /// How soon it takes over a line that is handed over, by its rank.
+    pub accept_after: Duration,
 }
 
 impl StandbyTimes {
@@ -45,15 +56,17 @@ impl StandbyTimes {
     pub fn shortest(timing: &Timing, longest_exchange: Duration) -> Self {
         let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(PROBE_AFTER) + SLACK);
         let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
-        let take_over_after = TAKE_OVER_AT_LEAST.max(silent_at_most + silent_at_most / DRIFT + frame + HELD_BACK);
-        Self { silent_at_most, take_over_after }
+        let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
+        let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
+        Self { silent_at_most, take_over_after, accept_after: Duration::ZERO }
     }
 
     /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
     #[must_use]
     pub fn with(self, take_over_after: Option<Duration>, rank: u8) -> Self {
         let silence = take_over_after.unwrap_or_default().max(self.take_over_after);
-        Self { take_over_after: silence + RANK_STEP * u32::from(rank), ..self }
+        let rank = u32::from(rank);
+        Self { take_over_after: silence + RANK_STEP * rank, accept_after: ACCEPT_STEP * rank, ..self }
     }
 
     /// Longest time from the last frame of an active gateway to the first frame of this one, on a line that is not
@@ -69,11 +82,11 @@ impl StandbyTimes {
 enum State {
     /// The port is not open: nothing can be heard.
     Deaf,
-    /// Nothing of another gateway was heard since `quiet_from`; the line is taken over after the usual silence and
-    /// `extra`.
-    Listening { quiet_from: MonoTime, extra: Duration },
-    /// The last frame was sent at `sent_at`.
-    Active { sent_at: MonoTime },
+    /// Nothing of another gateway was heard since `quiet_from`, up to `looked_at`; the line is taken over after the usual
+    /// silence and `extra`.
+    Listening { quiet_from: MonoTime, looked_at: MonoTime, extra: Duration },
+    /// The last frame was sent at `sent_at`; the next is due at `probe_at`, and may be sent for `at_most` after it.
+    Active { sent_at: MonoTime, probe_at: MonoTime, at_most: Duration },
 }
 
 /// Why the line was given up, or taken.
@@ -81,6 +94,8 @@ enum State {
 pub enum Change {
     /// The line was silent for long enough: this gateway is active from now on.
     TakenOver,
+    /// It was handed over: this gateway is active from now on.
+    HandedOver,
     /// This gateway has not sent for too long.
     Stalled,
     /// Another master was heard.
@@ -96,6 +111,8 @@ pub struct Standby {
     state: State,
     /// When a frame of another gateway or master was last heard; `None` if never since the port was opened.
     heard_at: Option<MonoTime>,
+    /// When this gateway takes over a line that was handed over, unless it hears another one before.
+    accept_at: Option<MonoTime>,
     seed: u64,
 }
 
@@ -103,7 +120,7 @@ impl Standby {
     /// The rule with `times`, on a port that is not open yet. `seed` differs between gateways and starts.
     #[must_use]
     pub const fn new(times: StandbyTimes, seed: u64) -> Self {
-        Self { times, state: State::Deaf, heard_at: None, seed }
+        Self { times, state: State::Deaf, heard_at: None, accept_at: None, seed }
     }
 
     /// The times of the rule.
@@ -125,7 +142,7 @@ impl Standby {
     /// suspended since the frame was decided on.
     #[must_use]
     pub fn may_send(&self, now: MonoTime) -> bool {
-        matches!(self.state, State::Active { sent_at } if now.since(sent_at) <= self.times.silent_at_most)
+        matches!(self.state, State::Active { sent_at, at_most, .. } if now.since(sent_at) < at_most)
     }
 
     /// Whether another gateway or master was heard so recently at `now` that it must be taken for alive.
@@ -144,36 +161,55 @@ impl Standby {
     #[must_use]
     pub fn probe_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Active { sent_at } => Some(sent_at + PROBE_AFTER),
+            State::Active { probe_at, .. } => Some(probe_at),
             State::Deaf | State::Listening { .. } => None,
         }
     }
 
-    /// When a listener takes the line over, unless it hears something before.
+    /// When [`Self::pass`] is due: a listener looks at the line or takes it over, the active gateway gives it up unless it
+    /// sends something before.
     #[must_use]
     pub fn due_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Listening { quiet_from, extra } => Some(quiet_from + self.times.take_over_after + extra),
-            State::Deaf | State::Active { .. } => None,
+            State::Deaf => None,
+            State::Listening { quiet_from, looked_at, extra } => {
+                let silence = quiet_from + self.times.take_over_after + extra;
+                Some(silence.min(looked_at + LOOK_EVERY).min(self.accept_at.unwrap_or(silence)))
+            }
+            State::Active { sent_at, at_most, .. } => Some(sent_at + at_most),
         }
     }
 
     /// The port was opened at `now`.
     pub const fn port_opened(&mut self, now: MonoTime) {
         self.heard_at = None;
-        self.state = State::Listening { quiet_from: now, extra: Duration::ZERO };
+        self.accept_at = None;
+        self.state = State::Listening { quiet_from: now, looked_at: now, extra: Duration::ZERO };
     }
 
     /// The port is gone. Returns whether the line was given up by that.
     pub fn port_gone(&mut self) -> bool {
         self.heard_at = None;
+        self.accept_at = None;
         matches!(std::mem::replace(&mut self.state, State::Deaf), State::Active { .. })
     }
 
-    /// A frame was decided on at `now`, and is handed to the port after that.
-    pub const fn sent(&mut self, now: MonoTime) {
-        if let State::Active { sent_at } = &mut self.state {
-            *sent_at = now;
+    /// A frame is handed to the port after `now`.
+    pub fn sent(&mut self, now: MonoTime) {
+        if let State::Active { .. } = self.state {
+            let at_most = self.times.silent_at_most;
+            self.state = State::Active { sent_at: now, probe_at: now + PROBE_AFTER, at_most };
+        }
+    }
+
+    /// At `now`, that frame was handed to the port. If that took too long, the line is given up.
+    pub fn was_sent(&mut self, now: MonoTime) -> Option<Change> {
+        match self.state {
+            State::Active { sent_at, .. } if now.since(sent_at) > HAND_OVER_MAX => {
+                self.listen(now);
+                Some(Change::Stalled)
+            }
+            _ => None,
         }
     }
 
@@ -182,6 +218,16 @@ impl Standby {
         if let State::Listening { quiet_from, .. } = &mut self.state {
             *quiet_from = now;
             self.heard_at = Some(now);
+            // Another one has accepted the line.
+            self.accept_at = None;
+        }
+    }
+
+    /// A sound reply was received at `now` whose request was not heard: the line is in use, perhaps by this gateway's own
+    /// last request.
+    pub const fn heard_alone(&mut self, now: MonoTime) {
+        if let State::Listening { quiet_from, .. } = &mut self.state {
+            *quiet_from = now;
         }
     }
 
@@ -198,13 +244,24 @@ impl Standby {
     /// The operator asked at `now` to give the line up. Another gateway is expected to take it before this one does.
     pub fn give_up(&mut self, now: MonoTime, wait: Duration) -> Option<Change> {
         let State::Active { .. } = self.state else { return None };
-        self.state = State::Listening { quiet_from: now, extra: wait };
+        self.state = State::Listening { quiet_from: now, looked_at: now, extra: wait };
         Some(Change::Yielded)
     }
 
-    /// Another gateway gave the line to this one at `now`.
-    pub const fn take(&mut self, now: MonoTime) {
-        self.state = State::Active { sent_at: now };
+    /// The active gateway hands the line over at `now`.
+    pub fn handed_over(&mut self, now: MonoTime) {
+        self.heard_at = Some(now);
+        if let State::Listening { quiet_from, looked_at, extra } = &mut self.state {
+            (*quiet_from, *looked_at) = (now, now);
+            *extra = Duration::ZERO;
+            self.accept_at = Some(now + self.times.accept_after);
+        }
+    }
+
+    fn take(&mut self, now: MonoTime) {
+        self.accept_at = None;
+        // The others must hear it at once: the next rank is waiting.
+        self.state = State::Active { sent_at: now, probe_at: now, at_most: HAND_OVER_MAX };
     }
 
     /// Time has passed up to `now`. `is_free`: a frame could be sent now, as far as the wire is concerned.
@@ -216,11 +273,23 @@ impl Standby {
                 self.listen(now);
                 Some(Change::Stalled)
             }
-            State::Listening { .. } if is_free && self.due_at().is_some_and(|due| now >= due) => {
-                self.take(now);
-                Some(Change::TakenOver)
+            State::Listening { quiet_from, looked_at, extra } => {
+                let was_suspended = now.since(looked_at) > LOOK_MAX;
+                if was_suspended {
+                    self.accept_at = None;
+                }
+                let quiet_from = if was_suspended { now } else { quiet_from };
+                if is_free && self.accept_at.is_some_and(|at| now >= at) {
+                    self.take(now);
+                    return Some(Change::HandedOver);
+                }
+                if is_free && now >= quiet_from + self.times.take_over_after + extra {
+                    self.take(now);
+                    return Some(Change::TakenOver);
+                }
+                self.state = State::Listening { quiet_from, looked_at: now, extra };
+                None
             }
-            State::Listening { .. } => None,
         }
     }
 
@@ -231,6 +300,9 @@ impl Standby {
         let mixed = (self.seed ^ (self.seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         let thousandths = u32::try_from((mixed >> 33) % 1001).unwrap_or(0);
-        self.state = State::Listening { quiet_from: now, extra: TIE_BREAK * thousandths / 1000 };
+        self.state = State::Listening { quiet_from: now, looked_at: now, extra: TIE_BREAK * thousandths / 1000 };
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -190,6 +190,16 @@ impl Wire {
         self.own_echo.await_copy_of(out, true, now);
     }
 
+    /// Hands a frame that no drive answers to the port at `now`: puts it into the empty `out`. The caller has waited until
+    /// [`Wire::may_send_from`], and no exchange is open.
+    pub fn announce(&mut self, now: MonoTime, station: u8, pdu: &[u8], out: &mut Vec<u8>) {
+        framing::encode(self.timing.framing, out, station, |encoded| encoded.extend_from_slice(pdu));
+        self.flush_idle_bytes();
+        self.quiet_from = now + self.timing.on_wire(out.len());
+        self.occupancy.sent(now, self.pause_at(), self.quiet_from);
+        self.own_echo.await_copy_of(out, true, now);
+    }
+
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
     pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, Ending)> {
         // Where only silence ends frames, a short hole may be an adapter's, and the reply continues after it.
@@ -268,6 +278,7 @@ impl Wire {
         self.is_out_of_step = false;
         self.transactions.connection_is_over();
         self.arrivals.clear();
+        self.own_echo.is_over();
         self.quiet_from = now;
         self.open.take().map(|open| open.exchange)
     }

@@ -45,7 +45,6 @@ fn a_control_section_gets_its_defaults() {
             directions: vec![Direction::Forward],
             reverse_below: Hertz::ZERO,
             on_commander_lost: FailSafe::Stop,
-            on_gateway_lost: None,
             lost_after: seconds(30),
             on_shutdown: FailSafe::Hold,
             accept_unverified: Vec::new(),
@@ -65,6 +64,7 @@ fn a_control_section_gets_its_defaults() {
             stores_native_writes: false,
             require_watchdog: false,
             watchdog: None,
+            on_gateway_lost: None,
             failsafe_confirm_timeout: seconds(5),
         }
     );

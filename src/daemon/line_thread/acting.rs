@@ -70,8 +70,11 @@ impl LineTask<'_> {
         while let Some(effect) = self.core.next_effect() {
             match effect {
                 Effect::Transmit(frame) => {
-                    if let Some(device) = &mut device {
+                    if let Some(device) = &mut device
+                        && self.core.may_transmit(clock::now())
+                    {
                         device.write_frame(&frame)?;
+                        self.core.transmitted(clock::now());
                     }
                 }
                 Effect::Reopen(fault) => self.to_reopen = Some(fault),

@@ -129,8 +129,8 @@ impl DriveWork {
         self.latch.as_ref().is_some_and(|latch| latch.frame().1 == *request)
     }
 
-    /// The line is down: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
-    pub fn line_down(&mut self, now: MonoTime, out: Out<'_>) {
+    /// The line is down, or another gateway's, as `reason` says: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
+    pub fn line_down(&mut self, now: MonoTime, reason: Reason, out: Out<'_>) {
         self.leave_flight(now);
         self.flight = None;
         if let Some(latch) = &mut self.latch {
@@ -140,7 +140,7 @@ impl DriveWork {
             let report = if execution.has_begun() {
                 Report::new(Outcome::Unknown, Reason::NoReply)
             } else {
-                Report::refused(Reason::LineDown)
+                Report::refused(reason)
             };
             self.finish(&mut execution, report, out);
         }

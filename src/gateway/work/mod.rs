@@ -4,6 +4,7 @@ mod again;
 mod command;
 mod durable;
 mod exchange;
+mod heard;
 mod leaving;
 mod looks;
 mod pass;
@@ -37,6 +38,7 @@ use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model};
 use crate::wire::pdu::Request;
 use again::Answered;
+use heard::HeardOrder;
 pub use readings::Reading;
 use rows::{DurableTrips, Opening};
 use standing::Standing;
@@ -135,6 +137,8 @@ pub struct DriveWork {
     last: Option<Report>,
     /// Number of commands so far, which is the number of the newest.
     commands: u16,
+    /// The last order of another gateway of the line.
+    heard: HeardOrder,
     /// What the drive has used.
     usage: Sums,
     has_changed: bool,
@@ -186,6 +190,7 @@ impl DriveWork {
             again: None,
             last: None,
             commands: 0,
+            heard: HeardOrder::Nothing,
             usage: Sums::new(model, Pace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
@@ -322,6 +327,8 @@ impl DriveWork {
         let is_fresh = self.is_fresh(now);
         Facts {
             line_is_up,
+            listens: false,
+            other_is_alive: false,
             line_is_bad: false,
             is_offline,
             stop_pending: self.latch.is_some(),

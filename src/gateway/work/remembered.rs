@@ -11,10 +11,20 @@ impl DriveWork {
     /// Restores the remembered state at `now`: the trip baseline, the owner of control, and a stop that was accepted but
     /// not seen to take effect. A run order is never restored.
     pub fn remember(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
+        self.remember_records(remembered);
+        self.remember_orders(remembered, now, out);
+    }
+
+    /// Restores what does not depend on who sends on the line: trips and sums.
+    pub fn remember_records(&mut self, remembered: &Remembered) {
         self.trips = std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
         self.kept.remember(remembered);
-        self.remember_reset(remembered.reset);
         self.usage.remember(remembered.usage);
+    }
+
+    /// Restores what was ordered.
+    pub fn remember_orders(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
+        self.remember_reset(remembered.reset);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));
             self.guard.remember_lease(lease);

@@ -69,9 +69,10 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
 }
 
 /// Guides that are not followed here, and why.
-const ELSEWHERE: [(&str, &str); 6] = [
+const ELSEWHERE: [(&str, &str); 7] = [
     ("sparkplug.md", "`sparkplug` plays the host that it needs"),
     ("container.md", "`containers` and `tests/run image`: it is about images and their engines"),
+    ("standby.md", "`standby` plays the bus that it needs"),
     ("fleet.md", "`fleet` and `fleet_commands`: it needs a cluster of brokers"),
     ("trouble.md", "it goes from symptoms to remedies, and not from a beginning to an end"),
     ("mistakes.md", "`mistakes` makes each of them"),

@@ -1,0 +1,383 @@
+//! A line that several gateways share: this one listens, takes the line over, or gives it up.
+
+use super::core::LineCore;
+use super::decide::Picked;
+use super::event::{Effect, Wake, WakeReason};
+use super::note::{HeardFrame, LineNote};
+use super::setup::LineSetup;
+use super::work::DriveWork;
+use crate::domain::ids::{DriveIndex, Station};
+use crate::domain::native::{NativeOutcome, Refusal};
+use crate::domain::report::LineFault;
+use crate::domain::standby::{LineRole, StandbyReport};
+use crate::domain::time::MonoTime;
+use crate::domain::traffic::TrafficKind;
+use crate::domain::traffic::Why;
+use crate::drive::decode;
+use crate::drive::snapshot::Presence;
+use crate::line::echo::LocalEcho;
+use crate::line::exchange::{Ending, Heard};
+use crate::line::handover;
+use crate::line::overheard::{Listener, Overheard};
+use crate::line::standby::{Change, Standby};
+use crate::wire::framing;
+use crate::wire::pdu::{Reply, Request};
+use std::time::Duration;
+
+/// How long a line that is to be handed over waits for a moment at which nothing is under way.
+const YIELD_WAIT: Duration = Duration::from_secs(5);
+/// Requests in a row that a station leaves unanswered before a listener shows it as offline.
+const SILENT_AFTER: u8 = 3;
+
+/// The share of this gateway in a line.
+#[derive(Debug)]
+pub(super) struct Share {
+    pub rule: Standby,
+    listener: Listener,
+    /// Unanswered requests of others in a row, per drive.
+    unanswered: Vec<u8>,
+    /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
+    has_heard_other: bool,
+    /// Until when the line is to be handed over, as soon as nothing is under way.
+    yields_until: Option<MonoTime>,
+    /// The frame that hands it over is on its way to the port.
+    hands_over: bool,
+    take_overs: u64,
+    given_up: u64,
+    rivals: u64,
+}
+
+impl Share {
+    /// The share in the line of `setup`; `None` if no other gateway shares it.
+    pub fn of(setup: &LineSetup) -> Option<Self> {
+        Some(Self {
+            rule: Standby::new(setup.standby?, setup.first_epoch),
+            listener: Listener::default(),
+            unanswered: vec![0; setup.drives.len()],
+            has_heard_other: false,
+            yields_until: None,
+            hands_over: false,
+            take_overs: 0,
+            given_up: 0,
+            rivals: 0,
+        })
+    }
+}
+
+impl LineCore {
+    /// Whether another gateway sends on the line, or may send.
+    pub(super) fn listens(&self) -> bool {
+        self.share.as_ref().is_some_and(|share| share.rule.role() == LineRole::Listening)
+    }
+
+    /// Whether another gateway of the line is alive at `now`, as far as can be heard.
+    pub(super) fn hears_other(&self, now: MonoTime) -> bool {
+        self.share.as_ref().is_some_and(|share| share.rule.hears_other(now))
+    }
+
+    /// The role of this gateway on the line; `None` if it is alone there.
+    pub(super) fn standby_report(&self) -> Option<StandbyReport> {
+        let share = self.share.as_ref()?;
+        let Share { take_overs, given_up, rivals, .. } = *share;
+        let hears_other = share.rule.hears_other(self.effects.now());
+        Some(StandbyReport { role: share.rule.role(), take_overs, given_up, rivals, hears_other })
+    }
+
+    /// Whether a frame may be decided on at `now`. On a jammed line nothing but stops is sent, over the babble, where no
+    /// other gateway can send either.
+    pub(super) fn may_send(&self, now: MonoTime) -> bool {
+        self.share.as_ref().is_none_or(|share| share.rule.may_send(now)) || self.health.is_jammed()
+    }
+
+    /// Asked at `now`, right before the frame of the last [`Effect::Transmit`] is handed to the port: whether it may be. A
+    /// process that was suspended since the decision may no longer send: another gateway may have taken the line over. The
+    /// exchange then ends as if the drive were silent.
+    pub fn may_transmit(&mut self, now: MonoTime) -> bool {
+        let may = self.may_send(now);
+        if let Some(share) = self.share.as_mut().filter(|_| may) {
+            share.rule.sent(now);
+        }
+        may
+    }
+
+    /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
+    pub fn transmitted(&mut self, now: MonoTime) {
+        let hands_over = self.share.as_mut().is_some_and(|share| std::mem::take(&mut share.hands_over));
+        if hands_over {
+            return self.give_way(now);
+        }
+        if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
+            self.give_up_line(now, change, None);
+        }
+    }
+
+    pub(super) fn share_port_opened(&mut self, now: MonoTime) {
+        if let Some(share) = &mut self.share {
+            share.rule.port_opened(now);
+            share.listener.clear();
+        }
+    }
+
+    pub(super) fn share_port_gone(&mut self, now: MonoTime) {
+        let gave_up = self.share.as_mut().is_some_and(|share| share.rule.port_gone());
+        if gave_up {
+            self.count_given_up(now);
+        }
+    }
+
+    /// The operator wants another gateway to take the line over: it is handed over as soon as nothing is under way.
+    pub(super) fn on_yield(&mut self, now: MonoTime) {
+        if let Some(share) = self.share.as_mut().filter(|share| share.rule.role() == LineRole::Active) {
+            share.yields_until = Some(now + YIELD_WAIT);
+        }
+    }
+
+    /// Hands the line over at `now`, if that is wanted, and nothing is under way. Returns whether the frame for that is on
+    /// its way.
+    pub(super) fn hand_over(&mut self, now: MonoTime) -> bool {
+        let is_busy = self.drives.works().any(DriveWork::has_orders);
+        let Some(share) = self.share.as_mut().filter(|share| share.yields_until.is_some()) else { return false };
+        if share.yields_until.is_some_and(|until| now >= until) {
+            share.yields_until = None;
+            return false;
+        }
+        if is_busy || self.drives.at_station(handover::STATION).is_some() {
+            return false;
+        }
+        share.yields_until = None;
+        share.hands_over = true;
+        let mut frame = Vec::with_capacity(16);
+        self.wire.announce(now, handover::STATION.0, &handover::PDU, &mut frame);
+        self.counters.requests += 1;
+        self.transmit(now, frame, Why::Probe);
+        true
+    }
+
+    /// When the line may be handed over, if that is wanted.
+    pub(super) fn yields_at(&self) -> Option<MonoTime> {
+        let until = self.share.as_ref()?.yields_until?;
+        Some(if self.drives.works().any(DriveWork::has_orders) { until } else { MonoTime::ZERO })
+    }
+
+    /// The frame that hands the line over is out.
+    fn give_way(&mut self, now: MonoTime) {
+        let Some(share) = &mut self.share else { return };
+        // Every rank has had its turn by then.
+        let wait = share.rule.times().take_over_after;
+        if let Some(change) = share.rule.give_up(now, wait) {
+            self.give_up_line(now, change, None);
+        }
+    }
+
+    /// Time has passed: the line is taken over, or given up because nothing was sent for too long.
+    pub(super) fn pass_share(&mut self, now: MonoTime) {
+        let is_free = self.is_open && !self.wire.is_busy() && now >= self.wire.may_send_from() && self.is_usable(now);
+        let change = self.share.as_mut().and_then(|share| share.rule.pass(now, is_free));
+        match change {
+            None => {}
+            Some(change @ (Change::TakenOver | Change::HandedOver)) => {
+                self.take_line_over(now, change == Change::HandedOver);
+            }
+            Some(change) => self.give_up_line(now, change, None),
+        }
+    }
+
+    /// Whether the line carries requests. One that echoes may do so again, as a read shows from time to time.
+    fn is_usable(&self, now: MonoTime) -> bool {
+        match self.health.trouble {
+            Some(LineFault::Jammed) => false,
+            Some(LineFault::Echo) => now >= self.health.probe_at,
+            _ => true,
+        }
+    }
+
+    /// When the share in the line changes, if nothing is heard or sent before.
+    pub(super) fn share_wake(&self) -> Option<Wake> {
+        let share = self.share.as_ref().filter(|_| self.is_open)?;
+        let at = share.rule.due_at()?;
+        let at = if share.rule.role() == LineRole::Active { at } else { at.max(self.wire.may_send_from()) };
+        let at = if self.health.trouble == Some(LineFault::Echo) { at.max(self.health.probe_at) } else { at };
+        // A jam ends with a silence, which has a wake of its own.
+        let is_jammed = self.health.is_jammed() && share.rule.role() == LineRole::Listening;
+        (!is_jammed).then_some(Wake { at, reason: WakeReason::LineCheck })
+    }
+
+    /// When a read is sent for its own sake, so that the other gateways of the line hear this one.
+    pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
+        let may_be_sent = !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo));
+        self.share.as_ref().filter(|_| may_be_sent)?.rule.probe_at()
+    }
+
+    /// That read, if it is due.
+    pub(super) fn pick_sign_of_life(&self, now: MonoTime) -> Option<Picked> {
+        self.sign_of_life_at().filter(|at| now >= *at)?;
+        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
+        Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
+    }
+
+    /// A listener takes what was `heard`; returns whether it did.
+    pub(super) fn overhears(&mut self, now: MonoTime, heard: &Heard) -> bool {
+        if !self.listens() {
+            return false;
+        }
+        match heard.kind {
+            TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
+            _ => {
+                if let Some((station, pdu)) = framing::decode(self.timing.framing, &heard.bytes) {
+                    self.overhear(now, heard.end, Station(station), &pdu);
+                }
+            }
+        }
+        true
+    }
+
+    fn overhear(&mut self, now: MonoTime, at: MonoTime, station: Station, pdu: &[u8]) {
+        let Some(share) = &mut self.share else { return };
+        if handover::is_handover(station, pdu) {
+            share.listener.clear();
+            share.has_heard_other = true;
+            return share.rule.handed_over(at);
+        }
+        let overheard = share.listener.take(station, pdu);
+        // A reply alone may be the late one to a request of our own.
+        if overheard == Overheard::Alone {
+            return share.rule.heard_alone(at);
+        }
+        share.has_heard_other = true;
+        share.rule.heard(at);
+        match overheard {
+            Overheard::Request { station, request, unanswered } => {
+                if let Some(index) = unanswered.and_then(|station| self.drives.at_station(station)) {
+                    self.is_unanswered(now, index);
+                }
+                self.overhear_order(station, &request);
+            }
+            Overheard::Answer { station, request, ending } => {
+                if let Some(index) = self.drives.at_station(station) {
+                    self.overhear_answer(now, at, index, &request, &ending);
+                }
+            }
+            Overheard::Alone => {}
+        }
+    }
+
+    /// Another gateway has asked a drive in vain.
+    fn is_unanswered(&mut self, now: MonoTime, index: DriveIndex) {
+        let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) else { return };
+        *count = count.saturating_add(1);
+        if *count >= SILENT_AFTER {
+            self.drives[index].set_presence(now, Presence::Offline, &mut self.effects);
+        }
+    }
+
+    /// Another gateway orders something, perhaps of all drives at once.
+    fn overhear_order(&mut self, station: Station, request: &Request) {
+        let (address, values) = match request {
+            Request::WriteSingle { address, value } => (*address, std::slice::from_ref(value)),
+            Request::WriteMultiple { address, values } => (*address, values.as_slice()),
+            Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return,
+        };
+        let is_for_all = station == Station(0) || self.all_stop_at == Some(station.0);
+        for drive in self.drives.iter_mut() {
+            if !is_for_all && drive.setup.station != station {
+                continue;
+            }
+            let order = decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values);
+            if let Ok(order) = order {
+                drive.work.heard(&order, &mut self.effects);
+            }
+        }
+    }
+
+    fn overhear_answer(&mut self, now: MonoTime, at: MonoTime, index: DriveIndex, request: &Request, ending: &Ending) {
+        // The copy of a write may be its repetition, and no reply.
+        if request.is_repeated_by_its_reply() {
+            return;
+        }
+        if let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) {
+            *count = 0;
+        }
+        let drive = &mut self.drives[index];
+        drive.station.is_there();
+        drive.set_presence(now, Presence::Online, &mut self.effects);
+        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending) else { return };
+        let is_wanted = drive.work.wants().any(|want| want.request == *request);
+        if is_wanted {
+            drive.take_words(now, at, (*address, words), &mut self.effects);
+        } else {
+            drive.take_read(now, at, (*address, words), &mut self.effects);
+        }
+    }
+
+    /// Whether a copy of our own frame comes from another gateway: they ask the same drives the same questions, and the
+    /// adapter is known not to echo.
+    pub(super) const fn is_no_echo(&self) -> bool {
+        self.share.is_some() && matches!(self.echo.known(), LocalEcho::Excluded | LocalEcho::NotSeen)
+    }
+
+    /// Another master asked something while this gateway is active: there are two.
+    pub(super) fn hears_rival(&mut self, now: MonoTime, frame: &[u8]) {
+        let Some(share) = &mut self.share else { return };
+        let Some(change) = share.rule.heard_request(now) else { return };
+        share.rivals += 1;
+        share.has_heard_other = true;
+        self.give_up_line(now, change, Some(frame));
+        // Its request is the first that this gateway listens to.
+        if let Some((station, pdu)) = framing::decode(self.timing.framing, frame) {
+            self.overhear(now, now, Station(station), &pdu);
+        }
+    }
+
+    /// Ends what is on the wire and what waits, without leaving the port.
+    fn give_up_line(&mut self, now: MonoTime, change: Change, frame: Option<&[u8]>) {
+        self.lose_exchange(now);
+        let waiting = self.schedule.clear();
+        self.end_all(waiting, &NativeOutcome::Refused(Refusal::Standby));
+        self.count_given_up(now);
+        let note = match frame {
+            Some(frame) => LineNote::Rival(HeardFrame::of(frame)),
+            None => LineNote::GivenUp(change),
+        };
+        self.effects.push_back(Effect::LineNote(note));
+    }
+
+    fn count_given_up(&mut self, now: MonoTime) {
+        if let Some(share) = &mut self.share {
+            share.given_up += 1;
+            share.listener.clear();
+            share.unanswered.fill(0);
+        }
+        for work in self.drives.works_mut() {
+            work.give_up(now, &mut self.effects);
+        }
+    }
+
+    /// Nothing was heard for long enough, or the line was handed over: this gateway sends from now on.
+    fn take_line_over(&mut self, now: MonoTime, was_handed_over: bool) {
+        let Some(share) = &mut self.share else { return };
+        share.take_overs += 1;
+        share.listener.clear();
+        let heard_at = share.rule.heard_at();
+        let is_first = !share.has_heard_other;
+        self.effects.push_back(Effect::LineNote(if was_handed_over {
+            LineNote::HandedOver
+        } else {
+            LineNote::TakenOver
+        }));
+        for drive in self.drives.iter_mut() {
+            if let Some(heard_at) = heard_at {
+                // The last request of the other gateway may have been any.
+                drive.asked_before(heard_at);
+            }
+            if is_first {
+                let remembered = drive.setup.remembered;
+                drive.work.remember_orders(&remembered, now, &mut self.effects);
+            } else {
+                drive.work.take_over(now, was_handed_over, &mut self.effects);
+            }
+        }
+        if let Some(share) = &mut self.share {
+            share.has_heard_other = true;
+        }
+    }
+}

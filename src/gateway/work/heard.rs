@@ -1,0 +1,105 @@
+//! What another gateway of the line orders the drive to do, as heard on the line, and what follows when that gateway is
+//! lost.
+
+use super::{DriveWork, Out};
+use crate::domain::command::{Direction, Go, Order, Outcome, Reason, Report, RunIntent};
+use crate::domain::time::MonoTime;
+use crate::gateway::event::Effect;
+use crate::gateway::note::Note;
+use crate::journal::Entry;
+use crate::profile::model::Flag;
+
+/// The last order that was heard on the line since this gateway listens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum HeardOrder {
+    /// None.
+    #[default]
+    Nothing,
+    /// To run.
+    Run(Direction),
+    /// To stop, or to cut the output off.
+    Stop { coast: bool },
+}
+
+impl DriveWork {
+    /// Another gateway sent `order` to the drive.
+    pub fn heard(&mut self, order: &Order, out: Out<'_>) {
+        let heard = match order {
+            Order::Go(go) => match Go::run(go) {
+                Some(direction) => HeardOrder::Run(direction),
+                None => return,
+            },
+            Order::Stop { .. } => HeardOrder::Stop { coast: false },
+            Order::Coast => HeardOrder::Stop { coast: true },
+            Order::Release => HeardOrder::Nothing,
+            Order::Reset | Order::EndReset | Order::Take | Order::Renew | Order::Setup(_) => return,
+        };
+        self.heard = heard;
+        self.has_changed = true;
+        if let HeardOrder::Run(_) = heard {
+            // A stop that waits here is older than this order.
+            self.drop_stop(out);
+        }
+    }
+
+    /// This gateway gives the line up at `now`, or its port is gone: control is no longer its own.
+    pub fn give_up(&mut self, now: MonoTime, out: Out<'_>) {
+        // Its own order stands like one that was heard.
+        self.heard = match self.guard.intent() {
+            RunIntent::Run(direction) => HeardOrder::Run(direction),
+            RunIntent::Stop | RunIntent::Coast => HeardOrder::Nothing,
+        };
+        self.line_down(now, Reason::Standby, out);
+        self.guard.give_up(now);
+    }
+
+    /// This gateway takes the line over at `now`: a drive that was seen ordered to run gets the declared action, and a stop
+    /// that was heard without effect is repeated. Where the line was handed over on purpose, running drives go on.
+    pub fn take_over(&mut self, now: MonoTime, was_handed_over: bool, out: Out<'_>) {
+        let heard = std::mem::take(&mut self.heard);
+        if self.guard.control().is_none() || self.latch.is_some() {
+            return;
+        }
+        let is_ordered = self.status.is_running() == Some(true) || self.output.is_active();
+        let lost = match heard {
+            HeardOrder::Stop { coast } if !self.is_at_standstill() => self.guard.repeat_stop(coast, now),
+            HeardOrder::Run(direction) => {
+                let is_followed = self.status.is_running() != Some(false);
+                self.guard.gateway_left(is_followed.then_some(direction), was_handed_over, now)
+            }
+            HeardOrder::Nothing if is_ordered => {
+                self.guard.gateway_left(self.ordered_direction(), was_handed_over, now)
+            }
+            HeardOrder::Stop { .. } | HeardOrder::Nothing => None,
+        };
+        self.has_changed = true;
+        if self.guard.is_adopted() {
+            out.push_back(Effect::Note(self.drive, Note::Adopted));
+        }
+        if let Some(lost) = lost {
+            out.push_back(Effect::Note(self.drive, Note::GatewayLost(lost.action)));
+            self.fail_safe(lost, now, out);
+        }
+    }
+
+    /// The gateway shuts down while it listens.
+    pub const fn end(&mut self) {
+        self.guard.end();
+    }
+
+    /// The direction in which the drive shows that it runs.
+    fn ordered_direction(&self) -> Option<Direction> {
+        let is_reverse = self.status.get(Flag::Reverse).filter(|_| self.status.is_running() == Some(true))?;
+        Some(if is_reverse { Direction::Reverse } else { Direction::Forward })
+    }
+
+    /// A stop that waits is not sent any more: another gateway has ordered the drive since.
+    fn drop_stop(&mut self, out: Out<'_>) {
+        let Some(mut latch) = self.latch.take() else { return };
+        self.is_stopping = false;
+        out.keep(self.drive, Entry::StopOver { is_effective: false });
+        for mut waiter in std::mem::take(latch.waiters()) {
+            self.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::Standby), true, out);
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! Whether two gateways ever may send at once: every order of events, and long random runs.
+
+use super::*;
+use crate::domain::link::{Framing, LinkSettings};
+use crate::vendors;
+use std::collections::HashSet;
+
+const MS: fn(u64) -> Duration = Duration::from_millis;
+
+fn timing(baud: u32) -> Timing {
+    let catalog = vendors::catalog();
+    let model = catalog.find("hyundai-n700").unwrap();
+    let link = LinkSettings { baud, ..LinkSettings::DEFAULT };
+    Timing::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO)
+}
+
+#[test]
+fn the_times_are_the_usual_ones_except_on_slow_lines_and_for_slow_drives() {
+    for (baud, exchange, silent, silence) in
+        [(9600, 300, 1500, 2500), (38_400, 1200, 1700, 2500), (9600, 3000, 3500, 4342), (1200, 300, 1500, 4168)]
+    {
+        let times = StandbyTimes::shortest(&timing(baud), MS(exchange));
+        assert_eq!(times.silent_at_most, MS(silent), "{baud}");
+        let off = times.take_over_after.as_millis().abs_diff(silence);
+        assert!(off <= 1, "{baud}: {:?}", times.take_over_after);
+    }
+    let times = StandbyTimes::shortest(&timing(9600), MS(300));
+    assert_eq!(times.with(None, 2).take_over_after, MS(3500));
+    assert_eq!(times.with(Some(MS(1000)), 0).take_over_after, MS(2500), "never shorter than is safe");
+    assert_eq!(times.with(Some(MS(6000)), 1).take_over_after, MS(6500));
+}
+
+/// Lets a free line be silent up to `until`; returns the first change and when it came.
+fn silent(rule: &mut Standby, until: u64) -> Option<(u64, Change)> {
+    while let Some(due) = rule.due_at().filter(|due| *due <= MonoTime::from_millis(until)) {
+        if let Some(change) = rule.pass(due, true) {
+            return Some((due.as_nanos() / 1_000_000, change));
+        }
+    }
+    None
+}
+
+fn opened(at_ms: u64) -> Standby {
+    let mut rule = Standby::new(StandbyTimes::shortest(&timing(9600), MS(300)), 1);
+    assert_eq!((rule.role(), rule.due_at()), (LineRole::Listening, None));
+    rule.port_opened(MonoTime::from_millis(at_ms));
+    rule
+}
+
+#[test]
+fn a_listener_takes_the_line_over_after_the_silence_and_sends_at_once() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(10_000);
+    assert_eq!(silent(&mut rule, 12_499), None);
+    rule.heard(at(12_499));
+    assert!(rule.hears_other(at(12_600)) && !rule.may_send(at(12_600)));
+    assert_eq!(silent(&mut rule, 14_998), None);
+    assert_eq!(rule.pass(at(14_999), false), None, "something is on the wire");
+    assert_eq!(rule.pass(at(15_001), true), Some(Change::TakenOver));
+    assert_eq!((rule.probe_at(), rule.may_send(at(15_001))), (Some(at(15_001)), true));
+    rule.sent(at(15_010));
+    assert_eq!((rule.probe_at(), rule.was_sent(at(15_011))), (Some(at(15_510)), None));
+    // Its own exchange is no sign of another gateway.
+    rule.heard(at(15_020));
+    assert_eq!((rule.role(), rule.hears_other(at(15_100))), (LineRole::Active, false));
+}
+
+#[test]
+fn a_listener_that_did_not_listen_has_not_heard_silence() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(0);
+    assert_eq!(silent(&mut rule, 2000), None);
+    assert_eq!(rule.pass(at(2401), true), None);
+    assert_eq!(silent(&mut rule, 9000), Some((4901, Change::TakenOver)));
+}
+
+#[test]
+fn one_that_was_suspended_listens_before_it_sends() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(0);
+    assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
+    rule.sent(at(2500));
+    assert!(rule.may_send(at(3999)) && !rule.may_send(at(4000)));
+    assert_eq!(rule.pass(at(3999), true), None);
+    assert_eq!(rule.pass(at(4000), true), Some(Change::Stalled));
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, 9000) else { panic!("not taken over") };
+    assert!((6500..=7000).contains(&taken), "{taken}");
+    // Suspended while a frame was handed to the port.
+    rule.sent(at(taken));
+    assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX), None);
+    assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX + MS(1)), Some(Change::Stalled));
+}
+
+#[test]
+fn a_rival_ends_the_role_and_a_lost_port_does() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(0);
+    assert_eq!(rule.heard_request(at(1)), None, "a listener gives nothing up");
+    assert_eq!(silent(&mut rule, 9000), Some((2501, Change::TakenOver)));
+    assert_eq!(rule.heard_request(at(2600)), Some(Change::Rival));
+    assert!(rule.hears_other(at(2700)));
+    assert!(!rule.port_gone() && rule.due_at().is_none());
+    rule.port_opened(at(5000));
+    assert_eq!(silent(&mut rule, 9000), Some((7500, Change::TakenOver)));
+    assert_eq!(rule.give_up(at(7600), MS(4000)), Some(Change::Yielded));
+    assert_eq!(rule.give_up(at(7700), MS(1)), None);
+    assert_eq!(silent(&mut rule, 90_000), Some((14_100, Change::TakenOver)));
+    assert!(rule.port_gone());
+}
+
+#[test]
+fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
+    let at = MonoTime::from_millis;
+    let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
+    for (rank, taken) in [(0, 1000), (1, 1200), (2, 1400)] {
+        let mut rule = Standby::new(shortest.with(None, rank), 1);
+        rule.port_opened(at(900));
+        rule.handed_over(at(1000));
+        assert_eq!(silent(&mut rule, 9000), Some((taken, Change::HandedOver)), "{rank}");
+        let mut slow = Standby::new(shortest.with(None, rank), 1);
+        slow.port_opened(at(900));
+        slow.handed_over(at(1000));
+        slow.heard(at(1000));
+        assert_eq!(silent(&mut slow, 3499), None, "{rank}: the other one sends");
+        let mut suspended = Standby::new(shortest.with(None, rank), 1);
+        suspended.port_opened(at(900));
+        suspended.handed_over(at(1000));
+        assert_eq!(suspended.pass(at(1500), true), None, "{rank}: it may have missed that one");
+        assert_eq!(silent(&mut suspended, 3999), None);
+    }
+}
+
+/// Two gateways in steps of a quarter of a second. One clock runs fast by two per cent.
+const STEP: [Duration; 2] = [Duration::from_millis(250), Duration::from_millis(255)];
+const MS_250: Duration = Duration::from_millis(250);
+
+/// A gateway of the search: its rule, and a frame that passed the check but was not handed to the port yet.
+#[derive(Clone)]
+struct Node {
+    rule: Standby,
+    now: MonoTime,
+    /// Suspended between the check and the port.
+    held: bool,
+}
+
+/// What happens to a gateway in one step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fate {
+    /// It runs, and sends if something is due.
+    Runs,
+    /// It runs and has nothing to send before it must.
+    RunsIdle,
+    /// It is suspended.
+    Stalls,
+    /// It is suspended between the check and the port.
+    StallsAtThePort,
+    /// It is started again, or its port goes and comes back.
+    Restarts,
+}
+
+const FATES: [Fate; 5] = [Fate::Runs, Fate::RunsIdle, Fate::Stalls, Fate::StallsAtThePort, Fate::Restarts];
+
+impl Node {
+    /// Everything that decides what may happen, without the absolute time. Longer ages make no difference.
+    fn key(&self) -> (u8, u128, u128, u128, bool) {
+        let age = |at: MonoTime| self.now.since(at).as_millis().min(4000);
+        let heard = self.rule.heard_at().map_or(u128::MAX, age);
+        match self.rule.state {
+            State::Deaf => (0, 0, 0, heard, self.held),
+            State::Listening { quiet_from, looked_at, extra } => {
+                (1, age(quiet_from), age(looked_at).min(500) * 10_000 + extra.as_millis(), heard, self.held)
+            }
+            State::Active { sent_at, probe_at, at_most } => {
+                (2, age(sent_at), probe_at.since(self.now).as_millis() + at_most.as_millis() * 10_000, heard, self.held)
+            }
+        }
+    }
+
+    /// The step before anything is received. Returns whether a frame goes out.
+    fn acts(&mut self, fate: Fate) -> bool {
+        match fate {
+            Fate::Stalls => false,
+            Fate::Restarts => {
+                self.held = false;
+                self.rule.port_opened(self.now);
+                false
+            }
+            Fate::Runs | Fate::RunsIdle | Fate::StallsAtThePort => {
+                if std::mem::take(&mut self.held) {
+                    self.rule.was_sent(self.now);
+                    return true;
+                }
+                self.rule.pass(self.now, true);
+                let is_due = self.rule.probe_at().is_some_and(|at| self.now + MS_250 > at);
+                if !self.rule.may_send(self.now) || (fate == Fate::RunsIdle && !is_due) {
+                    return false;
+                }
+                self.rule.sent(self.now);
+                self.held = fate == Fate::StallsAtThePort;
+                !self.held
+            }
+        }
+    }
+
+    /// Whether it may send another frame. One that was held at the port for too long is the last.
+    fn may_send(&self) -> bool {
+        let State::Active { sent_at, .. } = self.rule.state else { return false };
+        self.rule.may_send(self.now) && !(self.held && self.now.since(sent_at) > HAND_OVER_MAX)
+    }
+}
+
+/// Every order of stalls, stalls at the port, restarts and idle times of two gateways, without losses on the line: never
+/// may both send, except that a frame which was held at the port goes out late, once.
+#[test]
+fn in_every_order_of_events_at_most_one_may_send() {
+    let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
+    for ranks in [[0, 1], [0, 0]] {
+        let node = |rank| {
+            let mut rule = Standby::new(shortest.with(None, rank), 1);
+            rule.port_opened(MonoTime::from_millis(10_000));
+            Node { rule, now: MonoTime::from_millis(10_000), held: false }
+        };
+        let mut seen = HashSet::new();
+        let mut open = vec![[node(ranks[0]), node(ranks[1])]];
+        let mut take_overs = 0_u64;
+        while let Some(pair) = open.pop() {
+            for first in FATES {
+                for second in FATES {
+                    let mut next = pair.clone();
+                    next.iter_mut().zip(STEP).for_each(|(node, step)| node.now = node.now + step);
+                    let before = next.clone().map(|node| node.may_send());
+                    let sent = [next[0].acts(first), next[1].acts(second)];
+                    hear(&mut next, sent, [first, second]);
+                    let may = [next[0].may_send(), next[1].may_send()];
+                    take_overs += u64::from(may[0] && !before[0]) + u64::from(may[1] && !before[1]);
+                    // With one rank for both they may take a silent line in the same step; then both hear a rival.
+                    let at_once = ranks[0] == ranks[1] && sent[0] && sent[1];
+                    assert!(!(may[0] && may[1]) || at_once, "{first:?} {second:?}: {:?}", next.map(|it| it.rule));
+                    let key = (next[0].key(), next[1].key());
+                    if seen.insert(key) {
+                        open.push(next);
+                    }
+                }
+            }
+        }
+        assert!(seen.len() > 1000 && take_overs > 100, "{} states, {take_overs} take-overs", seen.len());
+    }
+}
+
+/// What was sent reaches the other one, unless that is suspended: then it lies in the port until it runs again, which for
+/// the rule is the same as hearing it then.
+fn hear(pair: &mut [Node; 2], sent: [bool; 2], fates: [Fate; 2]) {
+    for (from, to) in [(0, 1), (1, 0)] {
+        let runs = !matches!(fates[to], Fate::Stalls);
+        if sent[from] && runs {
+            let now = pair[to].now;
+            pair[to].rule.heard_request(now);
+        }
+        // A random wait is as short or as long as it can be.
+        if let State::Listening { extra, .. } = &mut pair[to].rule.state {
+            *extra = if *extra >= TIE_BREAK / 2 { TIE_BREAK } else { Duration::ZERO };
+        }
+    }
+}

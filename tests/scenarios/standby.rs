@@ -1,0 +1,350 @@
+//! Two gateways on one line: one sends, the other listens, and takes over what the first one leaves behind.
+
+use crate::support::pair::{Pair, Sent, sealed};
+use crate::support::{MQTT, ORIGIN, RigOptions, STOP, control, plc, run};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, Outcome, Reason};
+use vfd_gateway::domain::control::{ControlSettings, FailSafe};
+use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::native::{NativeOutcome, Refusal};
+use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::view::RunState;
+use vfd_gateway::gateway::{Input, LineNote, Note};
+use vfd_gateway::line::standby::{Change, RANK_STEP};
+
+const ONE: Station = Station(1);
+const SECOND: Duration = Duration::from_secs(1);
+const RUN: u16 = 0x0002;
+/// The longest time from the last frame of one gateway to the first STOP of the other: its silence with its rank, and the
+/// frames of a line of one drive.
+const BOUND: Duration = Duration::from_millis(2500 + 500 + 500);
+
+fn options(action: OnGatewayLost) -> RigOptions {
+    let settings = ControlSettings { on_gateway_lost: Some(action), ..control() };
+    RigOptions { control: Some(settings), ..RigOptions::controlled() }
+}
+
+/// A drive that runs at 30 Hz by an order through the first gateway.
+fn running(action: OnGatewayLost) -> Pair {
+    running_with(&options(action))
+}
+
+fn running_with(options: &RigOptions) -> Pair {
+    let mut pair = Pair::running(options);
+    let ticket = pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
+    for _ in 0..12 {
+        pair.tell(0, Input::PathAlive(MQTT.owner));
+        pair.pass(SECOND);
+    }
+    assert_eq!(pair.told(0, ticket), Some((Outcome::Acknowledged, Reason::None)));
+    assert_eq!(pair.output(1), 3000);
+    pair
+}
+
+/// The values that `half` wrote to the run command since `from`.
+fn run_words(pair: &Pair, half: usize, from: MonoTime) -> Vec<u16> {
+    let writes =
+        |sent: &&Sent| sent.half == half && sent.at >= from && sent.pdu[0] == 6 && sent.pdu[1..3] == RUN.to_be_bytes();
+    pair.sent.iter().filter(writes).map(|sent| u16::from_be_bytes([sent.pdu[3], sent.pdu[4]])).collect()
+}
+
+fn sends(pair: &Pair, half: usize, from: MonoTime) -> bool {
+    pair.sent.iter().any(|sent| sent.half == half && sent.at >= from)
+}
+
+#[test]
+fn of_two_that_start_at_once_exactly_one_sends() {
+    let mut pair = Pair::new(2, &options(OnGatewayLost::Stop));
+    pair.start(0);
+    pair.start(1);
+    pair.pass(Duration::from_millis(2400));
+    assert!(pair.sent.is_empty(), "everyone listens first");
+    pair.pass(SECOND * 20);
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
+    assert!(pair.sent.iter().all(|sent| sent.half == 0));
+    // The active one alone has nothing to say for long.
+    let gaps = pair.sent.windows(2).map(|two| two[1].at.since(two[0].end)).max().unwrap();
+    assert!(gaps <= Duration::from_millis(510), "{gaps:?}");
+}
+
+#[test]
+fn an_active_gateway_without_polls_sends_every_half_second() {
+    let mut pair = Pair::running(&RigOptions { poll: SECOND * 3600, ..options(OnGatewayLost::Stop) });
+    let begin = pair.now;
+    pair.pass(SECOND * 60);
+    let sent: Vec<_> = pair.sent.iter().filter(|sent| sent.at > begin).collect();
+    assert!((115..=121).contains(&sent.len()), "{}", sent.len());
+    assert!(sent.iter().all(|sent| sent.half == 0 && sent.pdu[0] == 3));
+}
+
+#[test]
+fn a_listener_knows_what_the_drive_does_and_takes_no_commands() {
+    let mut pair = running(OnGatewayLost::Stop);
+    let [own, heard] = [pair.view(0, 0), pair.view(1, 0)];
+    for view in [own, heard] {
+        assert_eq!((view.run_state, view.snapshot.presence), (RunState::Forward, Presence::Online));
+    }
+    for order in [run(Direction::Forward, Some(2000)), STOP] {
+        let ticket = pair.command(1, plc(1), 0, order);
+        pair.pass(SECOND);
+        assert_eq!(pair.told(1, ticket), Some((Outcome::Refused, Reason::Standby)));
+    }
+    pair.read(1, 0, 0x0201, 1);
+    let answer = pair.halves[1].answers.pop().unwrap();
+    assert_eq!(answer.outcome, NativeOutcome::Refused(Refusal::Standby));
+    assert!(!sends(&pair, 1, MonoTime::ZERO));
+    assert_eq!(pair.output(1), 3000);
+    // The first one sends as before, and nothing of what it sends is for the listener.
+    assert_eq!(pair.core(0).report().standby.unwrap().given_up, 0);
+}
+
+#[test]
+fn when_the_active_one_is_killed_the_other_does_what_is_declared() {
+    for (action, words) in [
+        (OnGatewayLost::Stop, &[0][..]),
+        (OnGatewayLost::Coast, &[3]),
+        (OnGatewayLost::Hold, &[]),
+        (OnGatewayLost::Adopt, &[]),
+    ] {
+        let mut pair = running(action);
+        pair.kill(0);
+        let killed = pair.now;
+        let stops = !words.is_empty();
+        if stops {
+            let took = pair.until(SECOND * 10, |pair| !run_words(pair, 1, killed).is_empty()).unwrap();
+            assert!(took <= BOUND, "{action:?}: {took:?}");
+        }
+        pair.pass(Duration::from_millis(5500));
+        assert_eq!(pair.role(1), LineRole::Active);
+        let mut sent = run_words(&pair, 1, killed);
+        sent.dedup();
+        assert_eq!(sent, words, "{action:?}");
+        assert_eq!(pair.output(1) == 3000, !stops, "{action:?}");
+        let notes: Vec<_> = pair.halves[1].notes.iter().map(|(_, note)| *note).collect();
+        let expected = match action {
+            OnGatewayLost::Stop => Note::GatewayLost(FailSafe::Stop),
+            OnGatewayLost::Coast => Note::GatewayLost(FailSafe::Coast),
+            OnGatewayLost::Hold => Note::GatewayLost(FailSafe::Hold),
+            OnGatewayLost::Adopt => Note::Adopted,
+        };
+        assert!(notes.contains(&expected), "{action:?}: {notes:?}");
+    }
+}
+
+#[test]
+fn an_adopted_drive_stops_like_one_whose_client_is_lost_unless_its_client_comes_back() {
+    for comes_back in [false, true] {
+        let mut pair = running(OnGatewayLost::Adopt);
+        pair.kill(0);
+        pair.pass(Duration::from_millis(4500));
+        assert_eq!(pair.role(1), LineRole::Active);
+        let killed = pair.now;
+        for _ in 0..10 {
+            if comes_back {
+                pair.command(1, ORIGIN, 0, run(Direction::Forward, Some(3000)));
+            }
+            pair.pass(SECOND);
+        }
+        assert_eq!(pair.output(1) == 3000, comes_back);
+        let words = run_words(&pair, 1, killed);
+        assert_eq!(words.contains(&0), !comes_back, "{words:?}");
+        assert!(comes_back || !words.contains(&1), "nothing starts by itself: {words:?}");
+    }
+}
+
+#[test]
+fn a_drive_that_stands_still_is_left_alone() {
+    for action in OnGatewayLost::ALL {
+        let mut pair = Pair::running(&options(action));
+        pair.kill(0);
+        let killed = pair.now;
+        pair.pass(SECOND * 10);
+        assert_eq!(pair.role(1), LineRole::Active);
+        assert!(run_words(&pair, 1, killed).is_empty(), "{action:?}");
+        let ticket = pair.command(1, ORIGIN, 0, STOP);
+        pair.pass(SECOND * 2);
+        assert!(matches!(pair.told(1, ticket), Some((Outcome::Confirmed | Outcome::Acknowledged, _))));
+    }
+}
+
+#[test]
+fn a_stop_that_was_heard_without_effect_is_repeated() {
+    let mut pair = running(OnGatewayLost::Hold);
+    // The drive does not get it, and the gateway is killed before it can repeat it.
+    pair.bus.set_powered(pair.now, ONE, true);
+    pair.command(0, MQTT, 0, STOP);
+    let sent = pair.until(SECOND, |pair| run_words(pair, 0, MonoTime::ZERO).contains(&0));
+    assert!(sent.is_some());
+    pair.pass(Duration::from_millis(12));
+    pair.kill(0);
+    let killed = pair.now;
+    let took = pair.until(SECOND * 10, |pair| run_words(pair, 1, killed).contains(&0));
+    assert!(took.is_some_and(|took| took <= BOUND), "{took:?}");
+}
+
+#[test]
+fn a_stop_while_nobody_is_active_waits_and_is_sent_first() {
+    let mut pair = running(OnGatewayLost::Hold);
+    pair.kill(0);
+    let killed = pair.now;
+    pair.pass(Duration::from_millis(1800));
+    let ticket = pair.command(1, plc(1), 0, STOP);
+    assert_eq!(pair.told(1, ticket), None, "it is not refused: the other one is not heard any more");
+    let took = pair.until(SECOND * 10, |pair| run_words(pair, 1, killed).contains(&0)).unwrap();
+    assert!(took <= BOUND, "{took:?}");
+    pair.pass(SECOND * 15);
+    assert!(matches!(pair.told(1, ticket), Some((Outcome::Acknowledged | Outcome::Confirmed, Reason::None))));
+    assert_eq!(pair.output(1), 0);
+}
+
+#[test]
+fn a_gateway_that_was_suspended_listens_before_it_sends() {
+    for at_port in [false, true] {
+        for length in [Duration::from_millis(1200), SECOND * 2, SECOND * 4, SECOND * 30] {
+            let mut pair = running(OnGatewayLost::Stop);
+            if at_port {
+                pair.halves[0].stalls_at_port = true;
+                assert!(pair.until(SECOND, |pair| pair.halves[0].is_suspended).is_some());
+            } else {
+                pair.halves[0].is_suspended = true;
+            }
+            pair.pass(length);
+            let resumed = pair.now;
+            pair.resume(0);
+            pair.pass(SECOND * 10);
+            let took_over = length > SECOND * 3;
+            let roles = [pair.role(0), pair.role(1)];
+            assert_eq!(roles.iter().filter(|role| **role == LineRole::Active).count(), 1, "{length:?} {at_port}");
+            if took_over {
+                let own: Vec<_> = pair.sent.iter().filter(|sent| sent.half == 0 && sent.at >= resumed).collect();
+                let early = own.iter().filter(|sent| sent.at < resumed + SECOND * 2).count();
+                assert!(early <= usize::from(at_port), "{length:?} {at_port}: {early}");
+                let ran = run_words(&pair, 0, resumed);
+                assert!(!ran.contains(&1), "nothing is started: {ran:?}");
+                assert_eq!(pair.output(1), 0, "the drive was stopped meanwhile");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_gateway_whose_port_goes_and_comes_back_listens_first() {
+    let mut pair = running(OnGatewayLost::Stop);
+    pair.unplug(0);
+    let unplugged = pair.now;
+    let took = pair.until(SECOND * 10, |pair| run_words(pair, 1, unplugged).contains(&0)).unwrap();
+    assert!(took <= BOUND, "{took:?}");
+    pair.open(0);
+    let back = pair.now;
+    pair.pass(SECOND * 20);
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Listening, LineRole::Active]);
+    assert!(!sends(&pair, 0, back));
+    assert_eq!(pair.output(1), 0);
+}
+
+/// Its port comes back, and nobody has taken the line over: what it ordered itself counts as seen.
+#[test]
+fn a_gateway_that_is_alone_does_what_is_declared_once_its_port_is_back() {
+    let mut pair = running(OnGatewayLost::Stop);
+    pair.kill(1);
+    pair.unplug(0);
+    pair.pass(SECOND * 5);
+    let back = pair.now;
+    pair.open(0);
+    pair.pass(SECOND * 15);
+    assert_eq!(pair.role(0), LineRole::Active);
+    assert_eq!(run_words(&pair, 0, back).first(), Some(&0));
+    assert_eq!(pair.output(1), 0);
+}
+
+#[test]
+fn another_master_ends_the_role_at_once() {
+    let mut pair = running(OnGatewayLost::Stop);
+    // Between two polls.
+    let polled = pair.sent.len();
+    pair.until(SECOND, |pair| pair.sent.len() > polled);
+    pair.pass(Duration::from_millis(50));
+    let request = sealed(&[0x09, 0x03, 0x00, 0x01, 0x00, 0x01]);
+    let now = pair.now;
+    pair.bus.speak(now, &request);
+    pair.pass(Duration::from_millis(200));
+    assert_eq!(pair.role(0), LineRole::Listening);
+    let rivals = pair.halves[0].line_notes.iter().filter(|(_, note)| matches!(note, LineNote::Rival(_)));
+    let text = rivals.map(|(_, note)| note.to_string()).next().unwrap();
+    assert!(text.contains("rival_on_line") && text.contains("09 03 00 01 00 01"), "{text}");
+    pair.pass(SECOND * 10);
+    let active = [0, 1].into_iter().filter(|half| pair.role(*half) == LineRole::Active).count();
+    assert_eq!(active, 1, "the line is taken again");
+}
+
+#[test]
+fn the_third_gateway_takes_over_when_both_others_are_gone() {
+    let mut pair = Pair::new(3, &options(OnGatewayLost::Stop));
+    (0..3).for_each(|half| pair.start(half));
+    pair.pass(SECOND * 10);
+    pair.kill(0);
+    pair.pass(SECOND * 10);
+    assert_eq!(pair.role(1), LineRole::Active);
+    pair.kill(1);
+    let killed = pair.now;
+    let took = pair.until(SECOND * 10, |pair| sends(pair, 2, killed)).unwrap();
+    assert!(took <= BOUND + RANK_STEP, "{took:?}");
+}
+
+#[test]
+fn a_line_that_is_handed_over_goes_on_without_a_pause_and_without_a_stop() {
+    let mut pair = running(OnGatewayLost::Stop);
+    let asked = pair.now;
+    pair.tell(0, Input::Yield);
+    assert!(pair.until(SECOND, |pair| pair.role(1) == LineRole::Active).is_some());
+    assert_eq!(pair.role(0), LineRole::Listening);
+    assert!(pair.halves[0].line_notes.iter().any(|(_, note)| *note == LineNote::GivenUp(Change::Yielded)));
+    assert!(pair.halves[1].line_notes.iter().any(|(_, note)| *note == LineNote::HandedOver));
+    for _ in 0..10 {
+        pair.command(1, ORIGIN, 0, run(Direction::Forward, Some(3000)));
+        pair.pass(SECOND);
+    }
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Listening, LineRole::Active]);
+    assert_eq!((run_words(&pair, 1, asked), pair.output(1)), (vec![], 3000));
+    let since: Vec<_> = pair.sent.iter().filter(|sent| sent.at >= asked).collect();
+    let gap = since.windows(2).map(|two| two[1].at.since(two[0].end)).max().unwrap();
+    assert!(gap <= Duration::from_millis(520), "{gap:?}");
+    assert_eq!(since.iter().filter(|sent| sent.is_damaged).count(), 0);
+}
+
+#[test]
+fn a_handed_over_drive_whose_client_does_not_follow_stops() {
+    let mut pair = running(OnGatewayLost::Hold);
+    pair.tell(0, Input::Yield);
+    pair.pass(SECOND * 15);
+    assert_eq!((pair.role(1), pair.output(1)), (LineRole::Active, 0));
+}
+
+#[test]
+fn where_no_other_gateway_takes_the_line_it_is_taken_back() {
+    let mut pair = running(OnGatewayLost::Hold);
+    pair.kill(1);
+    pair.tell(0, Input::Yield);
+    pair.pass(SECOND);
+    assert_eq!(pair.role(0), LineRole::Listening);
+    pair.pass(SECOND * 10);
+    assert_eq!(pair.role(0), LineRole::Active);
+}
+
+#[test]
+fn a_silent_drive_is_shown_as_offline_by_the_listener_too() {
+    let mut pair = Pair::running(&options(OnGatewayLost::Stop));
+    pair.bus.set_powered(pair.now, ONE, false);
+    pair.pass(SECOND * 10);
+    for half in [0, 1] {
+        assert_eq!(pair.view(half, 0).snapshot.presence, Presence::Offline, "{half}");
+    }
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening], "it is asked all the same");
+    pair.bus.set_powered(pair.now, ONE, true);
+    pair.pass(SECOND * 40);
+    for half in [0, 1] {
+        assert_eq!(pair.view(half, 0).snapshot.presence, Presence::Online, "{half}");
+    }
+}
