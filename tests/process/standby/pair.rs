@@ -100,7 +100,7 @@ impl Pair {
             let line = place.file(&format!("line-{name}"));
             let head = format!(
                 "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n[standby]\nhalf = \"{name}\"\npartner = \"{partner}\"\n\
-                 rank = {rank}\n\n[[modbus_tcp]]\nlisten = \"{listen}\"\nwrite = [\"{write}\"]\n\n[[line]]\n\
+                 rank = {rank}\n\n[[modbus_tcp]]\nlisten = \"{listen}\"\nallow = [\"{write}\"]\nwrite = [\"{write}\"]\n\n[[line]]\n\
                  name = \"hall-1\"\nport = \"{}\"\nbaud = {baud}\nstandby = true\n{echo}",
                 data.display(),
                 line.display()

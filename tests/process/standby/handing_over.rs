@@ -1,0 +1,47 @@
+//! A line is handed over on request, by the program's own commands, and no motor stops. Where no other gateway takes it, it is
+//! taken back.
+
+use super::super::rig::{assert_says, vfd_gateway};
+use super::pair::{A, B, Pair};
+use super::{A_WHILE, running};
+use std::process::Output;
+
+/// A command for the half at `end`.
+fn ask(pair: &Pair, end: usize, words: &[&str]) -> Output {
+    vfd_gateway(&[words, &["-c", pair.half(end).file.to_str().unwrap()]].concat())
+}
+
+/// Writes that went over the bus behind the first `seen` frames.
+fn writes(pair: &Pair, seen: usize) -> usize {
+    pair.orders(seen).iter().filter(|(_, station, ..)| (1..=2).contains(station)).count()
+}
+
+#[test]
+fn a_line_is_handed_over_and_no_motor_stops() {
+    let mut pair = running();
+    assert_says(&ask(&pair, A, &["health", "--active"]), 0, &["active on hall-1"]);
+    assert_says(&ask(&pair, B, &["health", "--active"]), 1, &["not active: it only listens on hall-1"]);
+    assert_says(&ask(&pair, B, &["standby", "yield", "hall-1"]), 1, &["this gateway does not send on the line"]);
+    let seen = pair.hub.count();
+    assert_says(&ask(&pair, A, &["standby", "yield"]), 0, &["line hall-1: another gateway sends on the line now"]);
+    pair.wait_for_requests(B, A_WHILE, seen);
+    assert_eq!(writes(&pair, seen), 0, "{:?}", pair.orders(seen));
+    pair.assert_turns(1);
+    pair.assert_turns(2);
+    assert_says(&ask(&pair, A, &["standby"]), 0, &["a is listening; b sends; taken over 1, given up 1, rivals 0"]);
+    assert_says(
+        &ask(&pair, B, &["standby"]),
+        0,
+        &["b is active; a would take over; taken over 1, given up 0, rivals 0"],
+    );
+    assert_says(&ask(&pair, B, &["health", "--active"]), 0, &["active on hall-1"]);
+    let audit = ask(&pair, A, &["journal", "audit"]);
+    assert_says(&audit, 0, &["standby yield hall-1", "confirmed"]);
+
+    // Now the one that would be asked for an upgrade is alone.
+    pair.kill(A);
+    assert_says(&ask(&pair, B, &["standby", "yield"]), 1, &["this one has taken it back; does a run?"]);
+    let seen = pair.hub.count();
+    pair.wait_for_requests(B, A_WHILE, seen);
+    pair.assert_one_master();
+}
