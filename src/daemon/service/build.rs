@@ -12,6 +12,7 @@ use crate::daemon::port::PortSettings;
 use crate::daemon::service::conversations::{BrokerSide, Sparkplug};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::Wiring;
+use crate::domain::standby::StandbyPair;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
@@ -92,13 +93,13 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
 }
 
 /// The connection and session settings of the gateway called `name` for the broker of `mqtt`, with its data in
-/// `data_dir`. `embedded` is the address of the embedded broker, if that is used.
+/// `data_dir`. `standby`: which of several gateways of the name it is. `embedded` is the address of the embedded broker, if that is used.
 ///
 /// # Errors
 /// The password cannot be read, or the TLS files cannot be used.
 pub fn broker(
     mqtt: &MqttSettings,
-    name: &Name,
+    (name, standby): (&Name, Option<&StandbyPair>),
     data_dir: Option<&Path>,
     embedded: Option<SocketAddr>,
 ) -> Result<BrokerSide, String> {
@@ -118,7 +119,7 @@ pub fn broker(
         port,
         also_at,
         tls,
-        client_id: mqtt.client_id(name),
+        client_id: mqtt.client_id(name, standby),
         user: mqtt.credentials.as_ref().map(|credentials| credentials.user.clone()),
         password: password.map(read_password).transpose()?,
         keep_alive: mqtt.keep_alive,
@@ -126,11 +127,11 @@ pub fn broker(
         keeps: Keeps::Nothing,
     };
     let sparkplug = mqtt.sparkplug_session(name.clone()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
-        connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name), ..connection.clone() },
+        connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name, standby), ..connection.clone() },
         settings,
         data_dir: data_dir.to_owned(),
     });
-    Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone())), sparkplug })
+    Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone(), standby.cloned())), sparkplug })
 }
 
 fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {

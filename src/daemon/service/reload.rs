@@ -168,7 +168,7 @@ impl Gateway {
         embedded: Option<std::net::SocketAddr>,
     ) -> Result<BrokerSide, Refusal> {
         let name = self.name.clone();
-        let build = move || build::broker(&mqtt, &name, data_dir.as_deref(), embedded);
+        let build = move || build::broker(&mqtt, (&name, None), data_dir.as_deref(), embedded);
         let read = tokio::task::spawn_blocking(build).await;
         let read = read.map_err(|error| Refusal::System(error.to_string()))?;
         read.map_err(|error| Refusal::System(format!("mqtt: {error}")))
