@@ -93,7 +93,8 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
 }
 
 /// The connection and session settings of the gateway called `name` for the broker of `mqtt`, with its data in
-/// `data_dir`. `standby`: which of several gateways of the name it is. `embedded` is the address of the embedded broker, if that is used.
+/// `data_dir`. `standby`: which of several gateways of the name it is. `embedded` is the address of the embedded broker,
+/// if that is used.
 ///
 /// # Errors
 /// The password cannot be read, or the TLS files cannot be used.
