@@ -109,10 +109,10 @@ impl MqttSettings {
     #[must_use]
     pub fn session(&self, gateway: Name, standby: Option<StandbyPair>) -> Settings {
         // Announcements must not depend on who makes them, and each has a page of its own.
-        let home_assistant = self.home_assistant.clone().map(|it| HomeAssistant {
-            page: it.page.clone().filter(|_| standby.is_none()),
-            ..it
-        });
+        let home_assistant = self
+            .home_assistant
+            .clone()
+            .map(|it| HomeAssistant { page: it.page.clone().filter(|_| standby.is_none()), ..it });
         Settings {
             prefix: self.prefix.clone(),
             gateway,

@@ -151,7 +151,8 @@ impl Half {
     /// Whether it speaks for what concerns no single line: the first one by name among those that are active.
     pub(super) fn leads(&self) -> bool {
         let Some(pair) = &self.pair else { return true };
-        let is_before = |(name, other): (&String, &Other)| !other.active_on.is_empty() && name.as_str() < pair.half.as_str();
+        let is_before =
+            |(name, other): (&String, &Other)| !other.active_on.is_empty() && name.as_str() < pair.half.as_str();
         self.speaks_at_all() && !self.others.iter().any(is_before)
     }
 

@@ -32,10 +32,10 @@ mod replaced_tests;
 mod results;
 mod session;
 mod slot;
-mod state;
 mod standby;
 #[cfg(test)]
 mod standby_tests;
+mod state;
 mod stored;
 mod telemetry;
 mod told;

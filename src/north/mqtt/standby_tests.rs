@@ -216,7 +216,8 @@ fn what_the_broker_retains_when_it_connects_was_told() {
     for code in [9, 8] {
         let mut rig = half(LineRole::Active);
         trip(&mut rig);
-        let values = json!({ "trip_cause": { "value": 9.0, "unit": null }, "trip_current": { "value": 12.3, "unit": "A" } });
+        let values =
+            json!({ "trip_cause": { "value": 9.0, "unit": null }, "trip_current": { "value": 12.3, "unit": "A" } });
         let last = json!({ "at": "before", "code": code, "text": "x", "values": values }).to_string();
         rig.handle(Event::Connected(rig.broker));
         rig.acts();
@@ -229,9 +230,7 @@ fn what_the_broker_retains_when_it_connects_was_told() {
 #[test]
 fn stored_events_that_another_told_are_done() {
     let mut rig = connected(LineRole::Listening);
-    let body = |seq: u64, count: u16| {
-        json!({ "drive": "pump", "kind": "tripped", "count": count, "code": 9, "seq": seq, "session": "of b" })
-    };
+    let body = |seq: u64, count: u16| json!({ "drive": "pump", "kind": "tripped", "count": count, "code": 9, "seq": seq, "session": "of b" });
     let stored = |seq, count| StoredEvent { seq, drive: name("pump"), body: body(seq, count).to_string() };
     rig.send("drive/pump/trip/event", &told_by_the_other(3));
     rig.session.stored_events(rig.at(), &[stored(1, 3), stored(2, 4)], false);

@@ -50,7 +50,8 @@ impl Mark {
 
     /// Whether the retained `last` record of the drive is of this trip.
     fn is_last(&self, last: &Map<String, Value>) -> bool {
-        let is_the_values = |values: &Value| self.values == *values || self.values.as_object().is_none_or(Map::is_empty);
+        let is_the_values =
+            |values: &Value| self.values == *values || self.values.as_object().is_none_or(Map::is_empty);
         let code = last.get("code");
         self.kind == "tripped"
             && code.is_some_and(|code| self.code.is_null() || self.code == *code)
