@@ -80,16 +80,18 @@ impl MqttSettings {
         of_half(client_id, standby)
     }
 
-    /// The client identifier of its Sparkplug connection.
+    /// The client identifier of its Sparkplug connection. Of several gateways one at a time is the edge node: they have the
+    /// same identifier, so that the broker ends the session of the one before.
     #[must_use]
-    pub fn sparkplug_client_id(&self, gateway: &Name, standby: Option<&StandbyPair>) -> String {
+    pub fn sparkplug_client_id(&self, gateway: &Name) -> String {
         let own = self.sparkplug.as_ref().and_then(|sparkplug| sparkplug.client_id.clone());
-        of_half(own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway, None))), standby)
+        own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway, None)))
     }
 
-    /// The settings of the Sparkplug session for a gateway called `gateway`; `None` without Sparkplug.
+    /// The settings of the Sparkplug session for a gateway called `gateway`, which is one of several if `has_standby`;
+    /// `None` without Sparkplug.
     #[must_use]
-    pub fn sparkplug_session(&self, gateway: Name) -> Option<sparkplug::Settings> {
+    pub fn sparkplug_session(&self, gateway: Name, has_standby: bool) -> Option<sparkplug::Settings> {
         let settings = self.sparkplug.as_ref()?;
         Some(sparkplug::Settings {
             group: settings.group.clone(),
@@ -97,6 +99,7 @@ impl MqttSettings {
             version: self.version,
             probe_topic: format!("{}/{gateway}/sparkplug/probe", self.prefix),
             node: gateway,
+            standby: has_standby,
             probe_interval: self.probe_interval,
             probe_timeout: self.probe_interval * Self::PROBES,
             command_ttl: self.command_ttl,

@@ -315,10 +315,10 @@ fn of_sparkplug_only_the_group_must_be_named() {
     assert_eq!((sparkplug.group.as_str(), sparkplug.primary_host, sparkplug.client_id), ("hall 1", None, None));
     assert_eq!((sparkplug.max_command_age, sparkplug.keep_telemetry), (Duration::from_secs(10), 10_000));
     let name = Name::new("plant-a").unwrap();
-    assert_eq!(found.sparkplug_client_id(&name, None), "vfd-gateway-plant-a-sparkplug");
-    let session = found.sparkplug_session(name.clone()).unwrap();
+    assert_eq!(found.sparkplug_client_id(&name), "vfd-gateway-plant-a-sparkplug");
+    let session = found.sparkplug_session(name.clone(), false).unwrap();
     assert_eq!((session.node, session.probe_topic.as_str()), (name.clone(), "vfd/plant-a/sparkplug/probe"));
-    assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name), None);
+    assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name, false), None);
     only(
         &kept(&over("mqtt://broker", "[mqtt.sparkplug]\ngroup = 'a/b'")),
         "mqtt.sparkplug.group: `a/b` is not valid; one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",

@@ -127,11 +127,12 @@ pub fn broker(
         version: mqtt.version,
         keeps: Keeps::Nothing,
     };
-    let sparkplug = mqtt.sparkplug_session(name.clone()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
-        connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name, standby), ..connection.clone() },
-        settings,
-        data_dir: data_dir.to_owned(),
-    });
+    let sparkplug =
+        mqtt.sparkplug_session(name.clone(), standby.is_some()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
+            connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name), ..connection.clone() },
+            settings,
+            data_dir: data_dir.to_owned(),
+        });
     Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone(), standby.cloned())), sparkplug })
 }
 

@@ -34,6 +34,8 @@ mod session;
 mod slot;
 mod standby;
 #[cfg(test)]
+mod standby_pair_tests;
+#[cfg(test)]
 mod standby_tests;
 mod state;
 mod stored;

@@ -11,12 +11,12 @@ use crate::journal::StoredEvent;
 use crate::north::broker::{Event, Publication, Version};
 use serde_json::{Value, json};
 
-fn report(role: LineRole) -> StandbyReport {
+pub(super) fn report(role: LineRole) -> StandbyReport {
     let hears_other = role == LineRole::Listening;
     StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other }
 }
 
-fn pair(half: &str, partner: &str) -> StandbyPair {
+pub(super) fn pair(half: &str, partner: &str) -> StandbyPair {
     StandbyPair { half: name(half), partner: name(partner), rank: 0, take_over_after: None }
 }
 
@@ -155,7 +155,7 @@ fn a_command_that_the_line_left_to_another_is_a_new_one_later() {
     assert_eq!(results(&acts).len(), 1, "what was tried is answered");
 }
 
-fn trip(rig: &mut Rig) {
+pub(super) fn trip(rig: &mut Rig) {
     let words = vec![(0x0113_u16.into(), 9), (0x0115_u16.into(), 123)];
     let record = TripRecord { at: rig.now(), code: Some(9), words };
     let kind = TripEventKind::Tripped { trips: 1, record };
