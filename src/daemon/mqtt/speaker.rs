@@ -212,6 +212,7 @@ impl Protocol for Speaker {
 
     fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.look(at);
+        self.session.see_roles(at, &self.lines);
         self.session.farewell(at)
     }
 }

@@ -42,6 +42,12 @@ struct Other {
     is_there: bool,
 }
 
+impl Other {
+    const fn is_active(&self) -> bool {
+        self.is_there && !self.active_on.is_empty()
+    }
+}
+
 /// Which of several gateways this one is.
 #[derive(Debug)]
 pub(super) struct Half {
@@ -151,14 +157,13 @@ impl Half {
     /// Whether it speaks for what concerns no single line: the first one by name among those that are active.
     pub(super) fn leads(&self) -> bool {
         let Some(pair) = &self.pair else { return true };
-        let is_before =
-            |(name, other): (&String, &Other)| !other.active_on.is_empty() && name.as_str() < pair.half.as_str();
+        let is_before = |(name, other): (&String, &Other)| other.is_active() && name.as_str() < pair.half.as_str();
         self.speaks_at_all() && !self.others.iter().any(is_before)
     }
 
     /// Whether another one is active, by its own words.
     pub(super) fn is_another_active(&self) -> bool {
-        self.others.values().any(|it| !it.active_on.is_empty())
+        self.others.values().any(Other::is_active)
     }
 
     /// Takes the document of one of them. Returns whether one that was active is so no longer: what it published last

@@ -55,6 +55,7 @@ impl Session {
                 if message.payload == b"offline" {
                     self.half.told_offline(at);
                     self.telemetry.forget_status();
+                    self.speak(at);
                 }
             }
             Told::Standby(half) => {
