@@ -12,7 +12,8 @@ use crate::daemon::port::PortSettings;
 use crate::daemon::service::conversations::{BrokerSide, Sparkplug};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::Wiring;
-use crate::domain::standby::StandbyPair;
+use crate::domain::report::LineReport;
+use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
@@ -67,7 +68,14 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
         description(place, line, drive, stretch)
     });
     let standby = line.standby.clone().map(|pair| StandbyShare { times: line_plan::standby_times(line, &pair), pair });
-    SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line)).shared_with(standby)
+    let shared = SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line));
+    if standby.is_some() {
+        // Before the first report of its thread it must not be taken for the only gateway there.
+        let role = LineRole::Listening;
+        let standby = StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: false };
+        shared.set_report(LineReport { standby: Some(standby), ..LineReport::default() });
+    }
+    shared.shared_with(standby)
 }
 
 fn wiring(line: &LineSettings) -> Wiring {
