@@ -45,7 +45,8 @@ pub struct Session {
     pub(super) topics: Topics,
     pub(super) drives: Vec<DriveDescription>,
     pub(super) lines: Vec<Name>,
-    /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970.
+    /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970, and of several
+    /// gateways which one it is.
     pub(super) run: String,
     pub(super) clock: Clock,
     pub(super) issued: Issued,
@@ -83,7 +84,8 @@ impl Session {
     ) -> Self {
         let topics = Topics::new(&settings);
         let clock = Clock::new(started);
-        let run = started.wall.unix_ms.to_string();
+        let half = settings.standby.as_ref().map(|pair| format!("-{}", pair.half)).unwrap_or_default();
+        let run = format!("{}{half}", started.wall.unix_ms);
         let mut half = Half::new(settings.standby.clone(), &topics);
         half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         let mut session = Self {
