@@ -50,6 +50,8 @@ impl Session {
         }
         if !was_open {
             self.stored.opened();
+            // What was known of other gateways on the connection before is forgotten.
+            self.speak(at.mono);
             self.announce(at.mono);
         }
         let is_alive = self.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;

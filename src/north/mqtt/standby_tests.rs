@@ -326,3 +326,22 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
     acts.extend(rig.pass(20_000));
     assert_eq!(announced(&acts), of_b);
 }
+
+#[test]
+fn what_concerns_no_line_comes_from_the_first_by_name_that_is_active() {
+    let mut rig = connected(LineRole::Active);
+    let answers =
+        |rig: &mut Rig| ["drive/lift/run/set", "all/run/set"].map(|topic| results(&rig.send(topic, b"sideways")).len());
+    rig.send("standby/c", &other("active"));
+    assert_eq!(answers(&mut rig), [1, 1]);
+    rig.send("standby/a", &other("active"));
+    assert_eq!(answers(&mut rig), [0, 0]);
+    // One that may be gone counts no longer.
+    rig.send("status", b"offline");
+    assert_eq!(answers(&mut rig), [1, 1]);
+    rig.send("standby/a", &other("active"));
+    assert_eq!(answers(&mut rig), [0, 0]);
+    rig.handle(Event::Lost);
+    assert!(on(&rig.connect(), "info").is_some(), "the next connection tells of it, or does not");
+    assert_eq!(answers(&mut rig), [1, 1]);
+}
