@@ -194,6 +194,26 @@ impl Pair {
         until("the motor turns", PATIENCE, || (self.hub.output(station) > TURNS).then_some(()));
     }
 
+    /// The same at the half that is active, which may change on a busy machine; returns its end.
+    pub fn run_where_it_is_active(&self, station: u8) -> usize {
+        until("the motor turns by the order of the active half", PATIENCE, || {
+            let active = self.wait_for_master(self.hub.count());
+            for (register, word) in [(RUN_COMMAND, 0), (SETPOINT, 3000), (RUN_COMMAND, 1)] {
+                let mut tries = 0..300;
+                tries.find(|_| {
+                    std::thread::sleep(Duration::from_millis(10));
+                    self.write(active, station, register, word).is_ok()
+                })?;
+            }
+            let mut looks = 0..300;
+            looks.find(|_| {
+                std::thread::sleep(Duration::from_millis(10));
+                self.hub.output(station) > TURNS
+            })?;
+            Some(active)
+        })
+    }
+
     /// Writes to a uniform register of the drive at `station`.
     pub fn write(&self, end: usize, station: u8, register: u16, word: u16) -> Result<(), u8> {
         Raw::connect(self.half(end).modbus).write(100 + station, register, word)
