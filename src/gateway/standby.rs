@@ -1,7 +1,6 @@
 //! A line that several gateways share: this one listens, takes the line over, or gives it up.
 
 use super::core::LineCore;
-use super::decide::Picked;
 use super::event::{Effect, Wake, WakeReason};
 use super::note::{HeardFrame, LineNote};
 use super::setup::LineSetup;
@@ -201,13 +200,6 @@ impl LineCore {
     pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
         let may_be_sent = !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo));
         self.share.as_ref().filter(|_| may_be_sent)?.rule.probe_at()
-    }
-
-    /// That read, if it is due.
-    pub(super) fn pick_sign_of_life(&self, now: MonoTime) -> Option<Picked> {
-        self.sign_of_life_at().filter(|at| now >= *at)?;
-        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
-        Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
     }
 
     /// Whether a copy of our own frame comes from another gateway: they ask the same drives the same questions, and the
