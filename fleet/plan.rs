@@ -102,7 +102,7 @@ fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSe
     let config = config::load(&text, &input::catalog_with(&args.own)?).map_err(|problems| wrong(&problems))?;
     let mqtt = config.mqtt.filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
     let mqtt = mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
-    let (connection, _) = build::broker(&mqtt, &Name::fallback(), None, None).map_err(Failure::wrong)?.mqtt;
+    let (connection, _) = build::broker(&mqtt, (&Name::fallback(), None), None, None).map_err(Failure::wrong)?.mqtt;
     Ok(connection)
 }
 

@@ -134,7 +134,7 @@ fn birth(config: &Config, mqtt: &MqttSettings, publish: &[Tree]) -> Result<Vec<P
     let lines: Vec<_> = lines.collect();
     let names = lines.iter().map(|line| line.name.clone()).collect();
     let name = config.gateway.name.clone().unwrap_or_else(Name::fallback);
-    let settings = Settings { publish: publish.to_vec(), ..mqtt.session(name) };
+    let settings = Settings { publish: publish.to_vec(), ..mqtt.session(name, None) };
     let probe = format!("{}/{}/probe", settings.prefix, settings.gateway);
     let mut session = Session::new(settings, drives, names, at, 1);
     session.handle(at, Event::Connected(Broker { maximum_packet_bytes: None, retains: true }));

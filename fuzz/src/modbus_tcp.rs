@@ -10,6 +10,7 @@ use vfd_gateway::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason,
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeOutcome, Refusal};
 use vfd_gateway::domain::report::LineReport;
+use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::snapshot::Presence;
@@ -80,6 +81,10 @@ impl Gateway for Units {
 
     fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
         (place == 0).then(|| (&self.uniform, Arc::clone(&self.view)))
+    }
+
+    fn standby(&self, _: usize) -> Option<LineRole> {
+        None
     }
 }
 
@@ -213,7 +218,7 @@ impl Client {
     fn serve(&mut self, call: Call) {
         let mut words = Words::default();
         let owner = Owner::Mqtt;
-        let present = Present { now: self.now, uptime_s: 7, owner };
+        let present = Present { now: self.now, uptime_s: 7, owner, standby: None };
         let is_stop = self.units.is_stop(call.unit, &call.ask);
         let taken = match call.unit {
             NATIVE => match native::ask_of(&self.units.drive.model, call.ask.clone()) {
@@ -277,7 +282,7 @@ impl Client {
             return self.connection.answer(self.now, call, exception.map_or(Answer::Written, Answer::Exception));
         };
         let mut words = Words::default();
-        let present = Present { now: self.now, uptime_s: 7, owner: Owner::Mqtt };
+        let present = Present { now: self.now, uptime_s: 7, owner: Owner::Mqtt, standby: None };
         let taken = self.units.uniform.read(read.address, read.count, &self.units.view, &present, &mut words);
         let now = self.now;
         let connection = &mut self.connection;

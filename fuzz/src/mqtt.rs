@@ -58,6 +58,7 @@ fn settings(flags: u8) -> Settings {
     Settings {
         prefix: "vfd".into(),
         gateway: plant::name("plant"),
+        standby: None,
         version: if flags & 1 == 0 { Version::V4 } else { Version::V5 },
         heartbeat: Duration::from_secs(60),
         subscription_qos: Qos::AtLeastOnce,

@@ -66,6 +66,7 @@ impl Rig {
         let settings = Settings {
             group: "g".into(),
             node: plant::name("plant"),
+            standby: false,
             primary_host: (flags & 2 != 0).then(|| "scada".into()),
             version,
             probe_topic: PROBE.into(),

@@ -285,7 +285,7 @@ pub const LEASE_LEFT: u16 = 18;
 pub const REASON: u16 = 261;
 
 /// The status bits by name, from bit 0 on.
-const STATUS_BITS: [&str; 13] = [
+const STATUS_BITS: [&str; 14] = [
     "online",
     "running",
     "reverse",
@@ -299,6 +299,7 @@ const STATUS_BITS: [&str; 13] = [
     "local",
     "alarm",
     "warning",
+    "standby",
 ];
 
 /// The capability bits by name, from bit 0 on.

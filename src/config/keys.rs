@@ -258,7 +258,7 @@ pub const KEYS: &[Key] = &[
     key(Section::Mqtt, "password_file", "absolute path", Some("no password"), "The file with the password."),
     key(Section::Mqtt, "password_env", "name", Some("no password"), "The environment variable with the password, instead of a file."),
     key(Section::Mqtt, "allow_plain_password", "true or false", Some("false"), "Whether user and password may be sent unencrypted, with `mqtt://`."),
-    key(Section::Mqtt, "client_id", "text", Some("\"vfd-gateway-\" and the gateway's name"), "The client identifier at the broker."),
+    key(Section::Mqtt, "client_id", "text", Some("\"vfd-gateway-\" and the gateway's name"), "The client identifier at the broker. Each gateway of a pair adds a `-` and its `half`."),
     key(Section::Mqtt, "version", "5 or 4", Some("5"), "MQTT 5, or 4 for MQTT 3.1.1."),
     key(Section::Mqtt, "subscription_qos", "0 or 1", Some("1"), "The QoS of the command subscriptions."),
     key(Section::Mqtt, "prefix", "levels of a topic", Some("\"vfd\""), "The prefix of all topics, before the gateway's name."),
@@ -280,7 +280,7 @@ pub const KEYS: &[Key] = &[
 
     key(Section::Sparkplug, "group", "one level of a topic", None, "The group of the edge node. The edge node is named like the gateway."),
     key(Section::Sparkplug, "primary_host", "one level of a topic", Some("none: waits for no host"), "The primary host. Births are sent only while it is online, and its presence renews session leases."),
-    key(Section::Sparkplug, "client_id", "text", Some("that of `[mqtt]` followed by \"-sparkplug\""), "The client identifier at the broker."),
+    key(Section::Sparkplug, "client_id", "text", Some("that of `[mqtt]` followed by \"-sparkplug\""), "The client identifier at the broker. The gateways of a pair share it."),
     key(Section::Sparkplug, "max_command_age", "\"1s\" to \"5min\"", Some("\"10s\""), "Commands with an older timestamp are refused, except stops."),
     key(Section::Sparkplug, "keep_telemetry", "0 to 100000", Some("10000"), "How many changes of run state, frequencies and measurements are kept while no host is online. Changes of trips are always kept."),
 

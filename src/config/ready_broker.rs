@@ -1,6 +1,7 @@
 //! Ready settings of the broker connection.
 
 use crate::domain::ids::Name;
+use crate::domain::standby::StandbyPair;
 use crate::north::broker::{Qos, Version};
 use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Tree};
 use crate::north::sparkplug;
@@ -72,22 +73,25 @@ impl MqttSettings {
         self.broker == BrokerSettings::Embedded
     }
 
-    /// The client identifier for a gateway called `gateway`.
+    /// The client identifier for a gateway called `gateway`, which is one of `standby`, if there are several.
     #[must_use]
-    pub fn client_id(&self, gateway: &Name) -> String {
-        self.client_id.clone().unwrap_or_else(|| format!("vfd-gateway-{gateway}"))
+    pub fn client_id(&self, gateway: &Name, standby: Option<&StandbyPair>) -> String {
+        let client_id = self.client_id.clone().unwrap_or_else(|| format!("vfd-gateway-{gateway}"));
+        of_half(client_id, standby)
     }
 
-    /// The client identifier of its Sparkplug connection.
+    /// The client identifier of its Sparkplug connection. Of several gateways one at a time is the edge node: they have the
+    /// same identifier, so that the broker ends the session of the one before.
     #[must_use]
     pub fn sparkplug_client_id(&self, gateway: &Name) -> String {
         let own = self.sparkplug.as_ref().and_then(|sparkplug| sparkplug.client_id.clone());
-        own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway)))
+        own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway, None)))
     }
 
-    /// The settings of the Sparkplug session for a gateway called `gateway`; `None` without Sparkplug.
+    /// The settings of the Sparkplug session for a gateway called `gateway`, which is one of several if `has_standby`;
+    /// `None` without Sparkplug.
     #[must_use]
-    pub fn sparkplug_session(&self, gateway: Name) -> Option<sparkplug::Settings> {
+    pub fn sparkplug_session(&self, gateway: Name, has_standby: bool) -> Option<sparkplug::Settings> {
         let settings = self.sparkplug.as_ref()?;
         Some(sparkplug::Settings {
             group: settings.group.clone(),
@@ -95,6 +99,7 @@ impl MqttSettings {
             version: self.version,
             probe_topic: format!("{}/{gateway}/sparkplug/probe", self.prefix),
             node: gateway,
+            standby: has_standby,
             probe_interval: self.probe_interval,
             probe_timeout: self.probe_interval * Self::PROBES,
             command_ttl: self.command_ttl,
@@ -103,12 +108,18 @@ impl MqttSettings {
         })
     }
 
-    /// The settings of the MQTT session for a gateway called `gateway`.
+    /// The settings of the MQTT session for a gateway called `gateway`, which is one of `standby`, if there are several.
     #[must_use]
-    pub fn session(&self, gateway: Name) -> Settings {
+    pub fn session(&self, gateway: Name, standby: Option<StandbyPair>) -> Settings {
+        // Announcements must not depend on who makes them, and each has a page of its own.
+        let home_assistant = self
+            .home_assistant
+            .clone()
+            .map(|it| HomeAssistant { page: it.page.clone().filter(|_| standby.is_none()), ..it });
         Settings {
             prefix: self.prefix.clone(),
             gateway,
+            standby,
             version: self.version,
             subscription_qos: self.subscription_qos,
             heartbeat: self.heartbeat,
@@ -120,9 +131,14 @@ impl MqttSettings {
             response_prefix: self.response_prefix.clone(),
             keep_telemetry: usize::try_from(self.keep_telemetry).unwrap_or(usize::MAX),
             publish: self.publish.clone(),
-            home_assistant: self.home_assistant.clone(),
+            home_assistant,
         }
     }
+}
+
+/// Each of several gateways has a client identifier of its own.
+fn of_half(client_id: String, standby: Option<&StandbyPair>) -> String {
+    standby.map_or_else(|| client_id.clone(), |pair| format!("{client_id}-{}", pair.half))
 }
 
 /// The address of the broker.

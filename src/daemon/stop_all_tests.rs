@@ -60,7 +60,7 @@ fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Event<'a> {
 /// The settings of both sides with a broker.
 fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
     let name = config.gateway.name.clone().unwrap();
-    build::broker(config.mqtt.as_ref().unwrap(), &name, Some(dir), None).unwrap()
+    build::broker(config.mqtt.as_ref().unwrap(), (&name, None), Some(dir), None).unwrap()
 }
 
 #[test]

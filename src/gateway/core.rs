@@ -13,7 +13,7 @@ use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::link::EchoPolicy;
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineFault, LineReport, LineState, LineWaiting, StopBounds};
+use crate::domain::report::{LineCounters, LineFault, LineState, StopBounds};
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::DriveView;
@@ -73,8 +73,8 @@ pub struct LineCore {
     pub(super) others_turn: bool,
     /// The station that stops all drives, if the line has one.
     pub(super) all_stop_at: Option<u8>,
-    stop: StopBounds,
-    planned_use_per_mille: u32,
+    pub(super) stop: StopBounds,
+    pub(super) planned_use_per_mille: u32,
     pub(super) measured: Measured,
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
@@ -263,30 +263,6 @@ impl LineCore {
     #[must_use]
     pub const fn counters(&self) -> &LineCounters {
         &self.counters
-    }
-
-    /// The line's state and counters.
-    #[must_use]
-    pub fn report(&self) -> LineReport {
-        LineReport {
-            state: self.state,
-            fault: self.fault,
-            open_error: self.open_error.clone(),
-            counters: LineCounters { noise_between: self.health.damage.between(), ..self.counters },
-            stop: self.stop,
-            planned_use_per_mille: self.planned_use_per_mille,
-            measured: self.measured.line,
-            quality: self.health.report(),
-            suspicion: self.health.suspicion(),
-            waiting: self.waiting(),
-            standby: self.standby_report(),
-        }
-    }
-
-    fn waiting(&self) -> LineWaiting {
-        let stops = self.drives.works().filter(|work| work.has_stop()).count();
-        let commands = self.drives.works().map(DriveWork::commands_open).sum();
-        LineWaiting { requests: self.natives.len(), commands, stops }
     }
 
     /// The views that have changed since the last call.

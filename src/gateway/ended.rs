@@ -87,8 +87,11 @@ impl LineCore {
         // What a process finds after it was suspended had arrived in time.
         let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
         self.take_words(now, read_at, drive, &purpose, (&exchange.request, &ending));
+        let answers = matches!(ending, Ending::Reply(_) | Ending::Exception(_));
+        let is_damaged = ending == Ending::Garbled || noise > 0;
         self.tell_purpose(now, drive, purpose, (&exchange.request, ending, kind), doubt);
         self.forget_the_silent(now, drive);
+        self.confirm_share(now, answers, is_damaged);
         Some(done)
     }
 

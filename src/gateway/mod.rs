@@ -11,10 +11,12 @@
 //! | `ended` | applies the end of an exchange |
 //! | `overdue` | ends a wait early for a stop, learns reply times |
 //! | `measured` | keeps measured times |
+//! | `report` | reports the line |
 //! | `station` | reports one drive on its line |
 //! | `port` | handles opening and closing of the port |
 //! | `probe` | finds out whether the line echoes |
 //! | `standby` | shares the line with other gateways |
+//! | `overhear` | follows the traffic of another gateway |
 //! | `health` | decides whether the line can be used |
 //! | `traffic` | reports traffic to those who watch the line |
 //! | `work` | a drive's own work: its `stop`, the `execution` of a command, its trips |
@@ -35,8 +37,10 @@ mod natives;
 mod note;
 mod outbox;
 mod overdue;
+mod overhear;
 mod port;
 mod probe;
+mod report;
 mod setup;
 mod standby;
 mod station;

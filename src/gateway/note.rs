@@ -165,6 +165,7 @@ const fn given_up(change: &Change) -> &'static str {
     match change {
         Change::Stalled => "nothing was sent for too long, so another gateway may have taken it over",
         Change::Rival => "another master was heard",
+        Change::Collided => "it was taken over by another gateway at the same moment",
         Change::Yielded => "it was given up on request",
         Change::TakenOver | Change::HandedOver => "it was taken over",
     }

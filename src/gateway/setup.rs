@@ -68,6 +68,9 @@ impl LineSetup {
     pub(super) fn wire(&self, now: MonoTime) -> Wire {
         let mut wire = Wire::new(self.timing, now);
         wire.number_from(Nonces::new(self.first_epoch).peek());
+        if self.standby.is_some() {
+            wire.listen();
+        }
         wire
     }
 

@@ -11,33 +11,27 @@ use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::LineFault;
 use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::TrafficKind;
 use crate::domain::traffic::Why;
-use crate::drive::decode;
-use crate::drive::snapshot::Presence;
 use crate::line::echo::LocalEcho;
-use crate::line::exchange::{Ending, Heard};
 use crate::line::handover;
-use crate::line::overheard::{Listener, Overheard};
+use crate::line::overheard::Listener;
 use crate::line::standby::{Change, Standby};
 use crate::wire::framing;
-use crate::wire::pdu::{Reply, Request};
 use std::time::Duration;
 
 /// How long a line that is to be handed over waits for a moment at which nothing is under way.
 const YIELD_WAIT: Duration = Duration::from_secs(5);
-/// Requests in a row that a station leaves unanswered before a listener shows it as offline.
-const SILENT_AFTER: u8 = 3;
-
 /// The share of this gateway in a line.
 #[derive(Debug)]
 pub(super) struct Share {
     pub rule: Standby,
-    listener: Listener,
+    pub listener: Listener,
     /// Unanswered requests of others in a row, per drive.
-    unanswered: Vec<u8>,
+    pub unanswered: Vec<u8>,
     /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
-    has_heard_other: bool,
+    pub has_heard_other: bool,
+    /// A drive has answered since the line was taken over.
+    is_confirmed: bool,
     /// Until when the line is to be handed over, as soon as nothing is under way.
     yields_until: Option<MonoTime>,
     /// The frame that hands it over is on its way to the port.
@@ -55,6 +49,7 @@ impl Share {
             listener: Listener::default(),
             unanswered: vec![0; setup.drives.len()],
             has_heard_other: false,
+            is_confirmed: false,
             yields_until: None,
             hands_over: false,
             take_overs: 0,
@@ -215,104 +210,21 @@ impl LineCore {
         Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
     }
 
-    /// A listener takes what was `heard`; returns whether it did.
-    pub(super) fn overhears(&mut self, now: MonoTime, heard: &Heard) -> bool {
-        if !self.listens() {
-            return false;
-        }
-        match heard.kind {
-            TrafficKind::Noise => self.counters.noise_bytes += heard.bytes.len() as u64,
-            _ => {
-                if let Some((station, pdu)) = framing::decode(self.timing.framing, &heard.bytes) {
-                    self.overhear(now, heard.end, Station(station), &pdu);
-                }
-            }
-        }
-        true
-    }
-
-    fn overhear(&mut self, now: MonoTime, at: MonoTime, station: Station, pdu: &[u8]) {
-        let Some(share) = &mut self.share else { return };
-        if handover::is_handover(station, pdu) {
-            share.listener.clear();
-            share.has_heard_other = true;
-            return share.rule.handed_over(at);
-        }
-        let overheard = share.listener.take(station, pdu);
-        // A reply alone may be the late one to a request of our own.
-        if overheard == Overheard::Alone {
-            return share.rule.heard_alone(at);
-        }
-        share.has_heard_other = true;
-        share.rule.heard(at);
-        match overheard {
-            Overheard::Request { station, request, unanswered } => {
-                if let Some(index) = unanswered.and_then(|station| self.drives.at_station(station)) {
-                    self.is_unanswered(now, index);
-                }
-                self.overhear_order(station, &request);
-            }
-            Overheard::Answer { station, request, ending } => {
-                if let Some(index) = self.drives.at_station(station) {
-                    self.overhear_answer(now, at, index, &request, &ending);
-                }
-            }
-            Overheard::Alone => {}
-        }
-    }
-
-    /// Another gateway has asked a drive in vain.
-    fn is_unanswered(&mut self, now: MonoTime, index: DriveIndex) {
-        let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) else { return };
-        *count = count.saturating_add(1);
-        if *count >= SILENT_AFTER {
-            self.drives[index].set_presence(now, Presence::Offline, &mut self.effects);
-        }
-    }
-
-    /// Another gateway orders something, perhaps of all drives at once.
-    fn overhear_order(&mut self, station: Station, request: &Request) {
-        let (address, values) = match request {
-            Request::WriteSingle { address, value } => (*address, std::slice::from_ref(value)),
-            Request::WriteMultiple { address, values } => (*address, values.as_slice()),
-            Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return,
-        };
-        let is_for_all = station == Station(0) || self.all_stop_at == Some(station.0);
-        for drive in self.drives.iter_mut() {
-            if !is_for_all && drive.setup.station != station {
-                continue;
-            }
-            let order = decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values);
-            if let Ok(order) = order {
-                drive.work.heard(&order, &mut self.effects);
-            }
-        }
-    }
-
-    fn overhear_answer(&mut self, now: MonoTime, at: MonoTime, index: DriveIndex, request: &Request, ending: &Ending) {
-        // The copy of a write may be its repetition, and no reply.
-        if request.is_repeated_by_its_reply() {
-            return;
-        }
-        if let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) {
-            *count = 0;
-        }
-        let drive = &mut self.drives[index];
-        drive.station.is_there();
-        drive.set_presence(now, Presence::Online, &mut self.effects);
-        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending) else { return };
-        let is_wanted = drive.work.wants().any(|want| want.request == *request);
-        if is_wanted {
-            drive.take_words(now, at, (*address, words), &mut self.effects);
-        } else {
-            drive.take_read(now, at, (*address, words), &mut self.effects);
-        }
-    }
-
     /// Whether a copy of our own frame comes from another gateway: they ask the same drives the same questions, and the
     /// adapter is known not to echo.
     pub(super) const fn is_no_echo(&self) -> bool {
         self.share.is_some() && matches!(self.echo.known(), LocalEcho::Excluded | LocalEcho::NotSeen)
+    }
+
+    /// The first exchanges since the line was taken over show whether this gateway is the only one that took it: one that
+    /// is answered, or something damaged instead.
+    pub(super) fn confirm_share(&mut self, now: MonoTime, is_answered: bool, is_damaged: bool) {
+        let Some(share) = self.share.as_mut().filter(|share| !share.is_confirmed) else { return };
+        share.is_confirmed = is_answered;
+        let collided = if is_damaged && !is_answered { share.rule.collided(now) } else { None };
+        if let Some(change) = collided {
+            self.give_up_line(now, change, None);
+        }
     }
 
     /// Another master asked something while this gateway is active: there are two.
@@ -356,6 +268,7 @@ impl LineCore {
     fn take_line_over(&mut self, now: MonoTime, was_handed_over: bool) {
         let Some(share) = &mut self.share else { return };
         share.take_overs += 1;
+        share.is_confirmed = false;
         share.listener.clear();
         let heard_at = share.rule.heard_at();
         let is_first = !share.has_heard_other;

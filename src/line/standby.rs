@@ -16,6 +16,8 @@ use std::time::Duration;
 pub const PROBE_AFTER: Duration = Duration::from_millis(500);
 /// How much later each rank takes a line over than the one before it.
 pub const RANK_STEP: Duration = Duration::from_millis(500);
+/// How much sooner each rank sends again than the one before it.
+const PROBE_STEP: Duration = Duration::from_millis(35);
 /// The same where the line is handed over: its first frame must be heard before the next rank has its turn.
 const ACCEPT_STEP: Duration = Duration::from_millis(200);
 /// Longest random wait before a line that two gateways gave up is taken again.
@@ -47,6 +49,9 @@ pub struct StandbyTimes {
     pub take_over_after: Duration,
     /// How soon it takes over a line that is handed over, by its rank.
     pub accept_after: Duration,
+    /// How long it leaves the line silent while it is active, at most [`PROBE_AFTER`]. It differs by rank, so that two
+    /// that are active do not stay in step, where neither hears the other.
+    pub probe_after: Duration,
 }
 
 impl StandbyTimes {
@@ -58,7 +63,7 @@ impl StandbyTimes {
         let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
         let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
         let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
-        Self { silent_at_most, take_over_after, accept_after: Duration::ZERO }
+        Self { silent_at_most, take_over_after, accept_after: Duration::ZERO, probe_after: PROBE_AFTER }
     }
 
     /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
@@ -66,7 +71,12 @@ impl StandbyTimes {
     pub fn with(self, take_over_after: Option<Duration>, rank: u8) -> Self {
         let silence = take_over_after.unwrap_or_default().max(self.take_over_after);
         let rank = u32::from(rank);
-        Self { take_over_after: silence + RANK_STEP * rank, accept_after: ACCEPT_STEP * rank, ..self }
+        Self {
+            take_over_after: silence + RANK_STEP * rank,
+            accept_after: ACCEPT_STEP * rank,
+            probe_after: PROBE_AFTER.saturating_sub(PROBE_STEP * rank),
+            ..self
+        }
     }
 
     /// Longest time from the last frame of an active gateway to the first frame of this one, on a line that is not
@@ -100,6 +110,8 @@ pub enum Change {
     Stalled,
     /// Another master was heard.
     Rival,
+    /// What came instead of its first reply shows that another one sends as well.
+    Collided,
     /// It was asked to give the line up.
     Yielded,
 }
@@ -198,7 +210,7 @@ impl Standby {
     pub fn sent(&mut self, now: MonoTime) {
         if let State::Active { .. } = self.state {
             let at_most = self.times.silent_at_most;
-            self.state = State::Active { sent_at: now, probe_at: now + PROBE_AFTER, at_most };
+            self.state = State::Active { sent_at: now, probe_at: now + self.times.probe_after, at_most };
         }
     }
 
@@ -239,6 +251,14 @@ impl Standby {
         }
         self.heard(now);
         gives_up.then_some(Change::Rival)
+    }
+
+    /// Instead of the first reply since the line was taken over, something damaged was received at `now`: another one may
+    /// have taken it over at the same moment.
+    pub fn collided(&mut self, now: MonoTime) -> Option<Change> {
+        let State::Active { .. } = self.state else { return None };
+        self.listen(now);
+        Some(Change::Collided)
     }
 
     /// The operator asked at `now` to give the line up. Another gateway is expected to take it before this one does.

@@ -10,7 +10,7 @@ use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard};
 use super::occupancy::Occupancy;
 use super::own_echo::OwnEcho;
-use super::timing::Timing;
+use super::timing::{ADAPTER_HOLE, Timing};
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
@@ -59,6 +59,8 @@ pub struct Wire {
     own_echo: OwnEcho,
     arrivals: Arrivals,
     transactions: TransactionIds,
+    /// Frames of others matter: one that an adapter delivers in pieces is put together.
+    listens: bool,
     /// What was received is no stream of frames: nothing that follows can be understood.
     is_out_of_step: bool,
     open: Option<Open>,
@@ -81,6 +83,7 @@ impl Wire {
             own_echo: OwnEcho::default(),
             arrivals: Arrivals::default(),
             transactions: TransactionIds::default(),
+            listens: false,
             is_out_of_step: false,
             open: None,
             heard: Vec::new(),
@@ -90,6 +93,11 @@ impl Wire {
     /// Where requests are numbered, the next one gets the number `first`.
     pub const fn number_from(&mut self, first: u16) {
         self.transactions.begin_with(first);
+    }
+
+    /// From now on frames between others are put together like replies, across the holes that adapters leave.
+    pub const fn listen(&mut self) {
+        self.listens = true;
     }
 
     /// Whether something was received that is no stream of frames: only a new connection helps.
@@ -317,7 +325,8 @@ impl Wire {
 
     /// When an incomplete frame can no longer continue, if ever.
     fn frame_end_at(&self) -> Option<MonoTime> {
-        self.timing.longest_hole().map(|hole| self.last_byte_at + hole)
+        let adapters = if self.listens { ADAPTER_HOLE } else { Duration::ZERO };
+        self.timing.longest_hole().map(|hole| self.last_byte_at + hole.max(adapters))
     }
 
     fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {

@@ -108,6 +108,24 @@ impl Assembler {
         Some(self.take_out(place))
     }
 
+    /// Removes the next sound frame of whatever kind, with the noise before it: see [`rtu::find_any`].
+    pub fn take_any(&mut self) -> Option<FoundFrame> {
+        match self.framing {
+            Framing::Rtu => rtu::find_any(&self.bytes).map(|place| self.take_out(place)),
+            Framing::Ascii | Framing::Mbap => self.take(None),
+        }
+    }
+
+    /// Removes the next sound request of a read, wherever it is; what surrounds it stays. In ASCII any frame is found in
+    /// its turn.
+    pub fn take_read_request(&mut self) -> Option<Vec<u8>> {
+        if self.framing != Framing::Rtu {
+            return None;
+        }
+        let place = rtu::find_read_request(&self.bytes)?;
+        Some(self.bytes.drain(place).collect())
+    }
+
     fn take_out(&mut self, place: Range<usize>) -> FoundFrame {
         let adu = self.bytes[place.clone()].to_vec();
         let noise = self.bytes[..place.start].to_vec();

@@ -109,6 +109,46 @@ pub fn find_certain(bytes: &[u8], expected: &Expected, is_over: bool) -> Option<
     None
 }
 
+/// The range of the first sound frame in `bytes`, a request or a reply of any station, for one who only listens. Unlike a
+/// reply that is awaited, it may stand anywhere: what precedes it is noise, or a frame that came damaged.
+#[must_use]
+pub fn find_any(bytes: &[u8]) -> Option<Range<usize>> {
+    find_by(bytes, |head| {
+        let reply = match reply_adu_bytes(head) {
+            ReplyLength::Known(length) => Some(length),
+            ReplyLength::NotYetKnown | ReplyLength::OnlySilenceTells => None,
+        };
+        [request_adu_bytes(head), reply]
+    })
+}
+
+/// The same for a frame that can only be the request of a read.
+#[must_use]
+pub fn find_read_request(bytes: &[u8]) -> Option<Range<usize>> {
+    find_by(bytes, |head| {
+        let is_read = head.get(1).is_some_and(|code| (function::READ_COILS..=function::READ_INPUT).contains(code));
+        [request_adu_bytes(head).filter(|_| is_read), None]
+    })
+}
+
+fn find_by(bytes: &[u8], lengths: impl Fn(&[u8]) -> [Option<usize>; 2]) -> Option<Range<usize>> {
+    (0..bytes.len()).find_map(|start| {
+        let places = lengths(&bytes[start..]).into_iter().flatten().map(|length| start..start + length);
+        places
+            .filter(|place| place.len() <= MAX_ADU_BYTES)
+            .find(|place| bytes.get(place.clone()).is_some_and(crc::is_sound))
+    })
+}
+
+/// Length of the request frame that begins with `head`, if its function is one of ours.
+fn request_adu_bytes(head: &[u8]) -> Option<usize> {
+    match (head.get(1)?, head.get(6)) {
+        (0x01..=0x06 | &function::DIAGNOSTICS, _) => Some(8),
+        (&function::WRITE_COILS | &function::WRITE_MULTIPLE, Some(bytes)) => Some(9 + usize::from(*bytes)),
+        _ => None,
+    }
+}
+
 /// Whether `bytes` may be the beginning of the expected reply or its exception. A complete but damaged one is not.
 fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
     let head = [expected.station, expected.function];
@@ -172,6 +212,39 @@ mod tests {
         let found = assembler.take(Some(&EXPECTED)).unwrap();
         assert_eq!(found.noise, [0xFF, 0x01, 0x03, 0x00]);
         assert_eq!(found.adu, REPLY);
+    }
+
+    #[test]
+    fn a_listener_finds_requests_and_replies_one_after_the_other() {
+        let framed = |station: u8, pdu: &[u8]| {
+            let mut out = Vec::new();
+            encode(&mut out, station, |to| to.extend_from_slice(pdu));
+            out
+        };
+        let read = framed(1, &[3, 0, 2, 0, 2]);
+        let frames = [
+            read.clone(),
+            framed(1, &[3, 4, 0, 5, 0, 6]),
+            framed(2, &[6, 0, 1, 0, 3]),
+            framed(2, &[6, 0, 1, 0, 3]),
+            framed(2, &[0x10, 0, 1, 0, 2, 4, 0, 1, 0, 2]),
+            framed(2, &[0x10, 0, 1, 0, 2]),
+            framed(1, &[0x83, 2]),
+        ];
+        let mut bytes = vec![0x55, 0x03, 0xFF];
+        bytes.extend(frames.concat());
+        let mut found = Vec::new();
+        while let Some(place) = find_any(&bytes) {
+            found.push(bytes[place.clone()].to_vec());
+            bytes.drain(..place.end);
+        }
+        assert_eq!(found, frames);
+        assert!(bytes.is_empty());
+        for cut in 0..read.len() {
+            assert_eq!(find_any(&read[..cut]), None, "{cut}");
+        }
+        assert_eq!(find_read_request(&[&[0x55], &read[..]].concat()), Some(1..9));
+        assert_eq!(find_read_request(&frames[1..].concat()), None);
     }
 
     #[test]

@@ -261,7 +261,7 @@ fn a_gateway_that_is_alone_does_what_is_declared_once_its_port_is_back() {
 
 #[test]
 fn another_master_ends_the_role_at_once() {
-    let mut pair = running(OnGatewayLost::Stop);
+    let mut pair = running_with(&RigOptions { poll: SECOND * 3, ..options(OnGatewayLost::Stop) });
     // Between two polls.
     let polled = pair.sent.len();
     pair.until(SECOND, |pair| pair.sent.len() > polled);
@@ -277,6 +277,40 @@ fn another_master_ends_the_role_at_once() {
     pair.pass(SECOND * 10);
     let active = [0, 1].into_iter().filter(|half| pair.role(*half) == LineRole::Active).count();
     assert_eq!(active, 1, "the line is taken again");
+}
+
+#[test]
+fn a_listener_hears_frames_that_its_adapter_delivers_in_pieces() {
+    for hole in [5, 16, 30] {
+        let mut pair = Pair::running(&RigOptions { poll: SECOND * 3600, ..options(OnGatewayLost::Stop) });
+        pair.halves[1].hole = Duration::from_millis(hole);
+        let ticket = pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
+        pair.pass(SECOND * 2);
+        assert_eq!(pair.told(0, ticket), Some((Outcome::Acknowledged, Reason::None)));
+        assert_eq!(pair.view(1, 0).run_state, RunState::Forward, "{hole} ms: the order was heard");
+        for _ in 0..50 {
+            pair.pass(Duration::from_millis(430));
+            assert_eq!(pair.role(1), LineRole::Listening, "{hole} ms");
+            assert!(pair.core(1).report().standby.unwrap().hears_other, "{hole} ms");
+        }
+    }
+}
+
+/// They ask the same drive the same questions at the same moments, as after a cut pair of wires was repaired.
+#[test]
+fn two_active_ones_whose_requests_are_equal_are_no_echo_of_each_other() {
+    let mut pair = Pair::new(2, &options(OnGatewayLost::Stop));
+    pair.is_cut = true;
+    pair.start(0);
+    pair.start(1);
+    pair.pass(SECOND * 20);
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Active]);
+    pair.is_cut = false;
+    let active = |pair: &Pair| [0, 1].into_iter().filter(|half| pair.role(*half) == LineRole::Active).count();
+    let took = pair.until(SECOND * 10, |pair| active(pair) < 2).unwrap();
+    assert!(took <= SECOND, "{took:?}");
+    pair.pass(SECOND * 10);
+    assert_eq!(active(&pair), 1);
 }
 
 #[test]

@@ -58,6 +58,7 @@ impl MqttSide {
         let settings = Settings {
             prefix: "vfd".into(),
             gateway: Name::new("plant").expect("a name"),
+            standby: None,
             version: Version::V5,
             heartbeat: Duration::from_secs(60),
             lease: LeaseMode::Session,

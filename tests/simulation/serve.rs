@@ -9,6 +9,7 @@ use vfd_gateway::domain::command::{CommandAnswer, CommandRequest, Order};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeAnswer, NativeRequest};
 use vfd_gateway::domain::report::LineReport;
+use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::view::DriveView;
 use vfd_gateway::gateway::Input;
@@ -39,6 +40,10 @@ impl own::Gateway for Shown<'_> {
 
     fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
         Some((self.uniform.get(place)?, Arc::clone(self.views.get(place)?)))
+    }
+
+    fn standby(&self, _: usize) -> Option<LineRole> {
+        self.report.standby.map(|standby| standby.role)
     }
 }
 
@@ -156,7 +161,7 @@ impl World {
     }
 
     fn present(&self, who: usize) -> Present {
-        Present { now: self.now, uptime_s: 0, owner: self.clients[who].origin.owner }
+        Present { now: self.now, uptime_s: 0, owner: self.clients[who].origin.owner, standby: None }
     }
 
     /// The line answers a native request.

@@ -37,6 +37,8 @@ pub struct Half {
     held: Option<Vec<u8>>,
     /// It receives its own bytes.
     pub echoes: bool,
+    /// Its adapter delivers each frame in two pieces, this long apart.
+    pub hole: Duration,
     /// Thousandths of the frames of others that it does not hear.
     pub loses_per_mille: u64,
     /// How much faster its clock runs, in millionths.
@@ -77,6 +79,8 @@ pub struct Pair {
     /// Keep every frame in `sent`, not just the newest ones.
     pub keeps_sent: bool,
     on_wire: Vec<OnWire>,
+    /// Pieces that adapters still hold back.
+    held_back: Vec<(MonoTime, usize, Vec<u8>)>,
     /// The pair of wires is cut: the first half reaches the drives, the others reach nothing.
     pub is_cut: bool,
     timing: Timing,
@@ -124,6 +128,7 @@ impl Pair {
             stalls_at_port: false,
             held: None,
             echoes: false,
+            hole: Duration::ZERO,
             loses_per_mille: 0,
             drift_ppm: 0,
             reports: Vec::new(),
@@ -140,6 +145,7 @@ impl Pair {
             sent: Vec::new(),
             keeps_sent: true,
             on_wire: Vec::new(),
+            held_back: Vec::new(),
             is_cut: false,
             timing,
             random: options.seed,
@@ -325,12 +331,17 @@ impl Pair {
             let wake = half.core.as_ref().and_then(LineCore::next_wake).map(|wake| global(wake.at, half.drift_ppm));
             next = next.min(wake.unwrap_or(MonoTime::NEVER));
         }
+        next = self.held_back.iter().map(|(at, ..)| *at).fold(next, MonoTime::min);
         next = self.on_wire.iter().map(|it| it.end).fold(next, MonoTime::min);
         if next > until {
             self.now = until;
             return false;
         }
         self.now = self.now.max(next);
+        while let Some(place) = self.held_back.iter().position(|(at, ..)| *at <= self.now) {
+            let (_, half, rest) = self.held_back.remove(place);
+            self.deliver(half, &rest);
+        }
         self.end_frames();
         self.take_replies();
         for half in 0..self.halves.len() {
@@ -356,7 +367,12 @@ impl Pair {
             for other in 0..self.halves.len() {
                 let hears = other != half && !self.is_cut || other == half && self.halves[half].echoes;
                 if hears && !self.is_lost(other) {
-                    self.deliver(other, &frame);
+                    let hole = self.halves[other].hole;
+                    let (now, later) = frame.split_at(if hole.is_zero() { frame.len() } else { frame.len() / 2 });
+                    self.deliver(other, now);
+                    if !later.is_empty() {
+                        self.held_back.push((self.now + hole, other, later.to_vec()));
+                    }
                 }
             }
         }
@@ -384,6 +400,10 @@ impl Pair {
         let it = &mut self.halves[half];
         if !it.is_open {
             return;
+        }
+        // An adapter delivers in order.
+        if let Some((_, _, held)) = self.held_back.iter_mut().find(|(at, to, _)| *to == half && *at > self.now) {
+            return held.extend_from_slice(bytes);
         }
         if it.is_suspended {
             let room = KEPT_BYTES.saturating_sub(it.waiting.len()).min(bytes.len());

@@ -24,7 +24,7 @@ fn a_broker_is_all_that_must_be_named() {
     );
     assert_eq!((found.credentials.clone(), found.client_id.clone(), found.version), (None, None, Version::V5));
     assert_eq!((found.prefix.as_str(), found.lease), ("vfd", LeaseMode::Session));
-    assert_eq!(found.session(Name::new("x").unwrap()).subscription_qos, Qos::AtLeastOnce);
+    assert_eq!(found.session(Name::new("x").unwrap(), None).subscription_qos, Qos::AtLeastOnce);
     assert_eq!((found.heartbeat, found.keep_alive), (Duration::from_secs(60), Duration::from_secs(15)));
     assert_eq!((found.probe_interval, found.command_ttl), (Duration::from_secs(1), Duration::from_secs(1)));
     assert_eq!(found.home_assistant, None);
@@ -33,8 +33,8 @@ fn a_broker_is_all_that_must_be_named() {
         (Some("homeassistant/status"), &None, 0)
     );
     let name = Name::new("plant-a").unwrap();
-    assert_eq!(found.client_id(&name), "vfd-gateway-plant-a");
-    let session = found.session(name.clone());
+    assert_eq!(found.client_id(&name, None), "vfd-gateway-plant-a");
+    let session = found.session(name.clone(), None);
     assert_eq!((session.gateway, session.probe_timeout), (name, Duration::from_secs(3)));
     assert_eq!(good(MINIMAL).mqtt, None);
     only(&format!("{MINIMAL}[mqtt]"), "mqtt.broker: `broker` is missing; text, not empty");
@@ -56,11 +56,11 @@ fn everything_that_is_written_is_taken() {
     let tls = Some(TlsSettings { ca_file: Some(PathBuf::from("/etc/ca.pem")), client });
     let also_at = vec![("node-2".to_owned(), 8883), ("10.0.0.3".to_owned(), 8884)];
     assert_eq!(found.broker, BrokerSettings::Tcp { host: "fd00::7".to_owned(), port: 8883, also_at, tls });
-    assert_eq!(found.session(Name::new("x").unwrap()).subscription_qos, Qos::AtMostOnce);
+    assert_eq!(found.session(Name::new("x").unwrap(), None).subscription_qos, Qos::AtMostOnce);
     assert_eq!(found.broker.to_string(), "mqtts://[fd00::7]:8883");
     let password = Some(PasswordSource::File(PathBuf::from("/run/secrets/mqtt")));
     assert_eq!(found.credentials, Some(Credentials { user: "vfd".to_owned(), password }));
-    assert_eq!((found.client_id(&Name::new("x").unwrap()).as_str(), found.alive_topic), ("gw", None));
+    assert_eq!((found.client_id(&Name::new("x").unwrap(), None).as_str(), found.alive_topic), ("gw", None));
     let explicit = mqtt(&over("embedded", "version = 4\nlease = 'explicit'"));
     assert_eq!((explicit.broker, explicit.version), (BrokerSettings::Embedded, Version::V4));
     assert_eq!((explicit.lease, explicit.alive_topic), (LeaseMode::Explicit, None));
@@ -316,9 +316,9 @@ fn of_sparkplug_only_the_group_must_be_named() {
     assert_eq!((sparkplug.max_command_age, sparkplug.keep_telemetry), (Duration::from_secs(10), 10_000));
     let name = Name::new("plant-a").unwrap();
     assert_eq!(found.sparkplug_client_id(&name), "vfd-gateway-plant-a-sparkplug");
-    let session = found.sparkplug_session(name.clone()).unwrap();
+    let session = found.sparkplug_session(name.clone(), false).unwrap();
     assert_eq!((session.node, session.probe_topic.as_str()), (name.clone(), "vfd/plant-a/sparkplug/probe"));
-    assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name), None);
+    assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name, false), None);
     only(
         &kept(&over("mqtt://broker", "[mqtt.sparkplug]\ngroup = 'a/b'")),
         "mqtt.sparkplug.group: `a/b` is not valid; one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",

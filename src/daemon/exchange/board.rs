@@ -8,6 +8,7 @@ use crate::daemon::host::clock;
 use crate::daemon::lines::rows::LineRows;
 use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::{AskerId, DriveIndex};
+use crate::domain::report::LineReport;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;
 use crate::drive::description::DriveRef;
@@ -136,7 +137,10 @@ impl Board {
             shared.station.store(Arc::new(station));
         }
         let report = core.report();
-        if report.state != self.line.report().state {
+        let before = self.line.report();
+        let role = |report: &LineReport| report.standby.map(|standby| standby.role);
+        has_changed |= role(&report) != role(&before);
+        if report.state != before.state {
             has_changed = true;
             self.journal.iter().for_each(|journal| journal.source().state(&report));
         }

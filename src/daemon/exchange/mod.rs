@@ -8,6 +8,7 @@ pub mod inbox;
 pub mod keeper;
 pub mod north_journal;
 pub mod rate_limited_log;
+pub mod role;
 pub mod router;
 pub mod shared;
 pub(super) mod to_lines;

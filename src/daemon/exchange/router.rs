@@ -6,6 +6,7 @@ use crate::daemon::exchange::shared::{Shared, SharedDrive};
 use crate::daemon::host::clock;
 use crate::domain::ids::UnitId;
 use crate::domain::report::LineReport;
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::drive::view::DriveView;
@@ -201,5 +202,9 @@ impl own::Gateway for Router {
     fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
         let drive = self.drive_at(place).filter(|_| self.serves_drive(place))?;
         Some((drive.unit, drive.shared.view.load_full()))
+    }
+
+    fn standby(&self, place: usize) -> Option<LineRole> {
+        self.units.shared.drives.get(place)?.role.get()
     }
 }

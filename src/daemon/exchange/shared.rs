@@ -2,6 +2,7 @@
 
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::role::SharedRole;
 use crate::daemon::exchange::traffic::Traffic;
 use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
@@ -39,6 +40,8 @@ pub struct SharedDrive {
     pub station: ArcSwap<StationReport>,
     /// The way to it.
     pub inbox: Arc<Inbox>,
+    /// The gateway's role on its line, as of the line's last report.
+    pub role: Arc<SharedRole>,
 }
 
 /// The gateways of one line.
@@ -69,6 +72,7 @@ pub struct SharedLine {
     pub drives: Vec<Arc<SharedDrive>>,
     /// Its traffic, for those who watch it.
     pub traffic: Traffic,
+    role: Arc<SharedRole>,
     report: Mutex<LineReport>,
     rounds: AtomicU64,
     hangs: AtomicBool,
@@ -141,10 +145,12 @@ impl SharedLine {
         drives: impl IntoIterator<Item = DriveDescription>,
     ) -> Self {
         let inbox = Arc::<Inbox>::default();
+        let role = Arc::<SharedRole>::default();
         let drive = |description| {
             let view = ArcSwap::default();
             let station = ArcSwap::default();
-            Arc::new(SharedDrive { description, view, station, inbox: Arc::clone(&inbox) })
+            let (inbox, role) = (Arc::clone(&inbox), Arc::clone(&role));
+            Arc::new(SharedDrive { description, view, station, inbox, role })
         };
         let drives = drives.into_iter().map(drive).collect();
         let report = Mutex::default();
@@ -153,7 +159,7 @@ impl SharedLine {
         let wiring = Wiring::default();
         let traffic = Traffic::default();
         let standby = None;
-        Self { number, name, interface, wiring, standby, inbox, drives, traffic, report, rounds, hangs }
+        Self { number, name, interface, wiring, standby, inbox, drives, traffic, role, report, rounds, hangs }
     }
 
     /// The same line with another gateway on it, if there is one.
@@ -176,6 +182,7 @@ impl SharedLine {
 
     /// Replaces the last report.
     pub fn set_report(&self, report: LineReport) {
+        self.role.set(report.standby.map(|standby| standby.role));
         *self.report.lock().unwrap_or_else(PoisonError::into_inner) = report;
     }
 

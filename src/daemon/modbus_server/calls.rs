@@ -8,6 +8,7 @@ use crate::domain::address::Address;
 use crate::domain::command::{CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report};
 use crate::domain::ids::Ticket;
 use crate::domain::native::{NativeAsk, NativeRequest};
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
@@ -55,7 +56,8 @@ impl Client {
                 }
             }
             Some(Target::Uniform(drive)) => {
-                let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &self.present(now), words);
+                let present = Present { standby: drive.shared.role.get(), ..self.present(now) };
+                let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &present, words);
                 let is_read = !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
                 if self.reads_renew.get() && is_read && !has_waited {
                     self.renew(now, machine, drive);
@@ -89,7 +91,9 @@ impl Client {
                 Some(Tried::Registers { address: *address, values: values.clone() })
             }
             NativeAsk::Read { address, count } => {
-                if self.listener.remembers() && self.recall(now, drive, (*address, *count), words) {
+                // What is heard of the other gateway is all that there is.
+                let listens = shared.role.get() == Some(LineRole::Listening);
+                if (listens || self.listener.remembers()) && self.recall(now, drive, (*address, *count), words) {
                     machine.answer(now, ticket, Answer::Words(words.as_slice()));
                     return Ok(());
                 }
@@ -266,7 +270,7 @@ impl Client {
     }
 
     fn present(&self, now: MonoTime) -> Present {
-        Present { now, uptime_s: self.router().uptime_s(now), owner: self.origin.get().owner }
+        Present { now, uptime_s: self.router().uptime_s(now), owner: self.origin.get().owner, standby: None }
     }
 }
 

@@ -15,6 +15,8 @@ use crate::domain::ids::DriveIndex;
 use crate::domain::ids::{Name, UnitId};
 use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
+use crate::domain::report::LineReport;
+use crate::domain::standby::{LineRole, StandbyReport};
 use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView};
@@ -555,6 +557,23 @@ fn a_native_read_is_answered_from_memory_only_where_that_is_granted() {
         shows_reading(&plant.shared.drives[1], 0);
         send(&mut stream, &[(7, 2, &READ_OUTPUT)]).await;
         assert!(!plant.native(0).await.writes(), "the line is asked");
+    });
+}
+
+#[test]
+fn a_listener_answers_native_reads_from_what_it_heard() {
+    play(EVERY_LINE, |plant, mut stream| async move {
+        let report = |role| {
+            let standby = StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: true };
+            LineReport { standby: Some(standby), ..LineReport::default() }
+        };
+        plant.shared.lines[0].set_report(report(LineRole::Listening));
+        shows_reading(&plant.shared.drives[1], 0);
+        assert_eq!(ask(&mut stream, 2, &READ_OUTPUT).await, [3, 2, 0x10, 0x9A]);
+        plant.assert_untouched();
+        plant.shared.lines[0].set_report(report(LineRole::Active));
+        send(&mut stream, &[(8, 2, &READ_OUTPUT)]).await;
+        assert!(!plant.native(0).await.writes(), "who may ask the drive asks it");
     });
 }
 

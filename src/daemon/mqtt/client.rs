@@ -6,6 +6,7 @@
 
 mod farewell;
 mod rivals;
+mod wanted;
 
 use super::accepted::Link;
 use super::counters::{Counters, count};
@@ -54,6 +55,9 @@ pub async fn converse<T: Protocol>(
     let mut client = Client { settings, talk, bell, counters, retry, turns, heard, listens_until: None, link: None };
     let mut last_reason = String::new();
     loop {
+        if client.stops_unwanted(stop.as_mut()).await {
+            return;
+        }
         let had = counters.connected.get();
         let End::Broken(broken, life) = client.connection(stop.as_mut()).await else { return };
         count(&counters.broken);

@@ -52,6 +52,10 @@ pub trait Protocol {
     }
     /// The last attempt to connect ended before any bytes of ours can have reached the broker.
     fn unsent(&mut self) {}
+    /// Whether there is to be a connection at all. One that exists is ended by [`Packet::Leave`].
+    fn wants_connection(&self) -> bool {
+        true
+    }
     /// What the broker is to publish when the connection breaks. Requested before every connection.
     fn will(&self) -> Publication;
     /// Handles an event of the connection. [`Event::Lost`] comes only after [`Event::Connected`].

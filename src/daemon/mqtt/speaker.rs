@@ -99,6 +99,14 @@ impl Speaker {
         self.lines.extend(self.shared.lines.iter().enumerate().map(line));
     }
 
+    /// Among several gateways of the name, a message is for the one that is active now.
+    fn look_at_roles(&mut self, at: Moment) {
+        if self.session.has_partner() {
+            self.look_at_views();
+            self.session.see_roles(at, &self.lines);
+        }
+    }
+
     /// Passes on everything for the lines and the journal. It never waits for the broker.
     fn pass_inward(&mut self, at: Moment) {
         let mut requests = Vec::new();
@@ -153,6 +161,9 @@ impl Protocol for Speaker {
 
     fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.follow(at);
+        if matches!(event, Event::Message(_)) {
+            self.look_at_roles(at);
+        }
         let is_answer = matches!(event, Event::Subscribed(_));
         let given_up = self.session.counters().events_refused;
         self.session.handle(at, event);
@@ -201,6 +212,7 @@ impl Protocol for Speaker {
 
     fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.look(at);
+        self.session.see_roles(at, &self.lines);
         self.session.farewell(at)
     }
 }

@@ -12,6 +12,8 @@ use crate::daemon::port::PortSettings;
 use crate::daemon::service::conversations::{BrokerSide, Sparkplug};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::Wiring;
+use crate::domain::report::LineReport;
+use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
@@ -66,7 +68,14 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
         description(place, line, drive, stretch)
     });
     let standby = line.standby.clone().map(|pair| StandbyShare { times: line_plan::standby_times(line, &pair), pair });
-    SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line)).shared_with(standby)
+    let shared = SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line));
+    if standby.is_some() {
+        // Before the first report of its thread it must not be taken for the only gateway there.
+        let role = LineRole::Listening;
+        let standby = StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: false };
+        shared.set_report(LineReport { standby: Some(standby), ..LineReport::default() });
+    }
+    shared.shared_with(standby)
 }
 
 fn wiring(line: &LineSettings) -> Wiring {
@@ -92,13 +101,14 @@ fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stre
 }
 
 /// The connection and session settings of the gateway called `name` for the broker of `mqtt`, with its data in
-/// `data_dir`. `embedded` is the address of the embedded broker, if that is used.
+/// `data_dir`. `standby`: which of several gateways of the name it is. `embedded` is the address of the embedded broker,
+/// if that is used.
 ///
 /// # Errors
 /// The password cannot be read, or the TLS files cannot be used.
 pub fn broker(
     mqtt: &MqttSettings,
-    name: &Name,
+    (name, standby): (&Name, Option<&StandbyPair>),
     data_dir: Option<&Path>,
     embedded: Option<SocketAddr>,
 ) -> Result<BrokerSide, String> {
@@ -118,19 +128,20 @@ pub fn broker(
         port,
         also_at,
         tls,
-        client_id: mqtt.client_id(name),
+        client_id: mqtt.client_id(name, standby),
         user: mqtt.credentials.as_ref().map(|credentials| credentials.user.clone()),
         password: password.map(read_password).transpose()?,
         keep_alive: mqtt.keep_alive,
         version: mqtt.version,
         keeps: Keeps::Nothing,
     };
-    let sparkplug = mqtt.sparkplug_session(name.clone()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
-        connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name), ..connection.clone() },
-        settings,
-        data_dir: data_dir.to_owned(),
-    });
-    Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone())), sparkplug })
+    let sparkplug =
+        mqtt.sparkplug_session(name.clone(), standby.is_some()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
+            connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name), ..connection.clone() },
+            settings,
+            data_dir: data_dir.to_owned(),
+        });
+    Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone(), standby.cloned())), sparkplug })
 }
 
 fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {

@@ -139,9 +139,8 @@ impl Gateway {
         let bound = north::bind(new, &change.listeners, has_http_moved).await.map_err(|error| system(&error))?;
         let broker = if self.broker.is_some() { None } else { embedded_broker(new).map_err(|error| system(&error))? };
         let broker_at = self.broker.as_ref().or(broker.as_ref()).map(BrokerChild::address);
-        let data_dir = new.gateway.data_dir.clone();
         let broker_side = match new.mqtt.clone() {
-            Some(mqtt) => Some(self.broker_side(mqtt, data_dir, broker_at).await?),
+            Some(mqtt) => Some(self.broker_side(mqtt, new, broker_at).await?),
             None => None,
         };
         let old = self.current.get();
@@ -164,11 +163,12 @@ impl Gateway {
     async fn broker_side(
         &self,
         mqtt: MqttSettings,
-        data_dir: Option<std::path::PathBuf>,
+        new: &Config,
         embedded: Option<std::net::SocketAddr>,
     ) -> Result<BrokerSide, Refusal> {
         let name = self.name.clone();
-        let build = move || build::broker(&mqtt, &name, data_dir.as_deref(), embedded);
+        let (data_dir, standby) = (new.gateway.data_dir.clone(), new.standby.clone());
+        let build = move || build::broker(&mqtt, (&name, standby.as_ref()), data_dir.as_deref(), embedded);
         let read = tokio::task::spawn_blocking(build).await;
         let read = read.map_err(|error| Refusal::System(error.to_string()))?;
         read.map_err(|error| Refusal::System(format!("mqtt: {error}")))

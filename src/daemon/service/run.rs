@@ -152,7 +152,11 @@ async fn start(
     let bound = if tool.is_some() { north::unbound(config) } else { north::bind(config, &[], true).await? };
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
-    let mqtt = config.mqtt.as_ref().map(|mqtt| build::broker(mqtt, &name, data_dir.as_deref(), broker_at)).transpose();
+    let mqtt = config
+        .mqtt
+        .as_ref()
+        .map(|mqtt| build::broker(mqtt, (&name, config.standby.as_ref()), data_dir.as_deref(), broker_at))
+        .transpose();
     let broker_side = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
     let changed = Arc::clone(&shared.changed);

@@ -155,6 +155,10 @@ impl Protocol for Speaker {
         self.bdseq.unsent();
     }
 
+    fn wants_connection(&self) -> bool {
+        self.session.wants_connection()
+    }
+
     fn will(&self) -> Publication {
         self.session.will()
     }
@@ -191,7 +195,8 @@ impl Protocol for Speaker {
     }
 
     fn contested(&mut self, rival: Option<Rival>) {
-        self.sides.totals.contested(rival.is_some());
+        // The other gateway of a pair has taken the line over, and is the edge node from then on.
+        self.sides.totals.contested(rival.is_some() && self.session.wants_connection());
     }
 
     fn lost(&mut self, reason: &str) {

@@ -15,18 +15,18 @@ pub(super) enum HeardOrder {
     /// None.
     #[default]
     Nothing,
-    /// To run.
-    Run(Direction),
+    /// To run, since this moment.
+    Run(Direction, MonoTime),
     /// To stop, or to cut the output off.
     Stop { coast: bool },
 }
 
 impl DriveWork {
-    /// Another gateway sent `order` to the drive.
-    pub fn heard(&mut self, order: &Order, out: Out<'_>) {
+    /// Another gateway sent `order` to the drive at `at`.
+    pub fn heard(&mut self, order: &Order, at: MonoTime, out: Out<'_>) {
         let heard = match order {
             Order::Go(go) => match Go::run(go) {
-                Some(direction) => HeardOrder::Run(direction),
+                Some(direction) => HeardOrder::Run(direction, at),
                 None => return,
             },
             Order::Stop { .. } => HeardOrder::Stop { coast: false },
@@ -36,9 +36,19 @@ impl DriveWork {
         };
         self.heard = heard;
         self.has_changed = true;
-        if let HeardOrder::Run(_) = heard {
+        if let HeardOrder::Run(..) = heard {
             // A stop that waits here is older than this order.
             self.drop_stop(out);
+        }
+    }
+
+    /// The order in force, by whichever gateway.
+    pub(super) fn ordered(&self) -> RunIntent {
+        match self.heard {
+            HeardOrder::Nothing => self.guard.intent(),
+            HeardOrder::Run(direction, _) => RunIntent::Run(direction),
+            HeardOrder::Stop { coast: false } => RunIntent::Stop,
+            HeardOrder::Stop { coast: true } => RunIntent::Coast,
         }
     }
 
@@ -46,7 +56,7 @@ impl DriveWork {
     pub fn give_up(&mut self, now: MonoTime, out: Out<'_>) {
         // Its own order stands like one that was heard.
         self.heard = match self.guard.intent() {
-            RunIntent::Run(direction) => HeardOrder::Run(direction),
+            RunIntent::Run(direction) => HeardOrder::Run(direction, now),
             RunIntent::Stop | RunIntent::Coast => HeardOrder::Nothing,
         };
         self.line_down(now, Reason::Standby, out);
@@ -63,8 +73,9 @@ impl DriveWork {
         let is_ordered = self.status.is_running() == Some(true) || self.output.is_active();
         let lost = match heard {
             HeardOrder::Stop { coast } if !self.is_at_standstill() => self.guard.repeat_stop(coast, now),
-            HeardOrder::Run(direction) => {
-                let is_followed = self.status.is_running() != Some(false);
+            HeardOrder::Run(direction, at) => {
+                let is_newer = self.status_at.is_some_and(|status_at| status_at > at);
+                let is_followed = !is_newer || self.status.is_running() != Some(false);
                 self.guard.gateway_left(is_followed.then_some(direction), was_handed_over, now)
             }
             HeardOrder::Nothing if is_ordered => {

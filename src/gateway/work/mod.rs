@@ -353,7 +353,7 @@ impl DriveWork {
         } else if self.trips.view().active == Some(true) {
             RunState::Tripped
         } else {
-            self.output.run_state(&self.status, self.guard.intent(), self.is_stopping)
+            self.output.run_state(&self.status, self.ordered(), self.is_stopping)
         }
     }
 

@@ -4,6 +4,7 @@ use super::super::exchange::{Ending, Exchange, answer_in};
 use super::Wire;
 use crate::domain::ids::Station;
 use crate::domain::traffic::TrafficKind;
+use crate::wire::frame::FoundFrame;
 use crate::wire::{framing, pdu};
 
 impl Wire {
@@ -11,7 +12,13 @@ impl Wire {
     /// if it did.
     pub(super) fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
         let mut ended = None;
-        while let Some(found) = self.assembler.take_certain(self.open.as_ref().map(|open| &open.expected), is_over) {
+        // The reply that is awaited does not hide the request of another gateway.
+        let looks_for_requests = self.listens && self.open.is_some();
+        while let Some(request) = looks_for_requests.then(|| self.assembler.take_read_request()).flatten() {
+            let (kind, _) = self.judge(&request);
+            self.note(kind, request);
+        }
+        while let Some(found) = self.next_frame(is_over) {
             self.note(TrafficKind::Noise, found.noise);
             let (kind, ending) = self.judge(&found.adu);
             let transaction = framing::transaction_of(self.timing.framing, &found.adu);
@@ -35,6 +42,13 @@ impl Wire {
             self.note(TrafficKind::Noise, rest);
         }
         ended
+    }
+
+    fn next_frame(&mut self, is_over: bool) -> Option<FoundFrame> {
+        match &self.open {
+            None if self.listens => self.assembler.take_any(),
+            open => self.assembler.take_certain(open.as_ref().map(|open| &open.expected), is_over),
+        }
     }
 
     /// Classifies a sound frame: our answer, another station's or master's, or one that is late.

@@ -152,7 +152,7 @@ pub const fn map() -> &'static [MapRow] {
     &MAP
 }
 
-const BIT_ROWS: usize = 17;
+const BIT_ROWS: usize = 19;
 const OWN_ROWS: usize = 25;
 const ROWS: usize = BIT_ROWS + WORDS.len() + OWN_ROWS;
 
@@ -192,7 +192,9 @@ const BITS: [MapRow; BIT_ROWS] = [
     status(9, "start inhibited"),
     status(10, "local control"),
     status(11, "alarm of the drive"),
-    row(MapUnit::Uniform, MapTable::Discrete, 12, "reserved", RESERVED).words(4),
+    status(12, "warning of the drive"),
+    status(13, "gateway on standby, another one is active"),
+    row(MapUnit::Uniform, MapTable::Discrete, 14, "reserved", RESERVED).words(2),
 ];
 
 /// The maps of the gateway's own unit.
@@ -234,6 +236,7 @@ mod tests {
     use super::*;
     use crate::domain::command::{Owner, Reason};
     use crate::domain::report::LineReport;
+    use crate::domain::standby::LineRole;
     use crate::drive::view::DriveView;
     use std::sync::Arc;
 
@@ -256,6 +259,10 @@ mod tests {
         fn drive(&self, _: usize) -> Option<(&Uniform, Arc<DriveView>)> {
             Some((&self.0, Arc::new(testing::view())))
         }
+
+        fn standby(&self, _: usize) -> Option<LineRole> {
+            None
+        }
     }
 
     fn plant() -> (Plant, DriveView) {
@@ -263,7 +270,7 @@ mod tests {
     }
 
     fn asked((plant, view): &(Plant, DriveView), unit: MapUnit, ask: &Ask) -> bool {
-        let present = Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt };
+        let present = Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt, standby: None };
         let mut words = Words::default();
         let taken = match unit {
             MapUnit::Uniform => plant.0.take(ask, view, &present, &mut words),
@@ -329,7 +336,7 @@ mod tests {
         Arc::make_mut(&mut drive.model).registers.clear();
         let uniform = Uniform::new(&drive);
         let view = DriveView::default();
-        let present = Present { now: NOW, uptime_s: 7, owner: Owner::Mqtt };
+        let present = Present { now: NOW, uptime_s: 7, owner: Owner::Mqtt, standby: None };
         let is_word = |row: &&MapRow| matches!(row.table, MapTable::Word | MapTable::Holding);
         for row in map().iter().filter(is_word).filter(|row| row.unit == MapUnit::Uniform) {
             for address in row.address..row.address + row.count {

@@ -8,6 +8,7 @@ use super::uniform::{self, ABSENT, Uniform};
 use super::words::Words;
 use crate::domain::command::Reason;
 use crate::domain::report::{LineReport, LineState};
+use crate::domain::standby::LineRole;
 use crate::drive::view::DriveView;
 use crate::wire::exception;
 use std::sync::Arc;
@@ -46,6 +47,8 @@ pub trait Gateway {
     fn drives(&self) -> usize;
     /// The drive at this place with its view; `None` if this listener does not serve it.
     fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)>;
+    /// The gateway's role on the line of that drive; `None` if it is the only gateway there.
+    fn standby(&self, place: usize) -> Option<LineRole>;
 }
 
 /// What `ask` means to `unit`, which is [`UNIT`] or [`BROADCAST`]. Words are filled into `words`.
@@ -156,7 +159,8 @@ fn drive_words(place: usize, gateway: &impl Gateway, present: &Present) -> Optio
         return None;
     }
     let Some((unit, view)) = gateway.drive(place) else { return Some([ABSENT; DRIVE_WORDS as usize]) };
-    Some(DRIVE_COLUMNS.map(|address| unit.word(address, &view, present).unwrap_or(ABSENT)))
+    let present = Present { standby: gateway.standby(place), ..*present };
+    Some(DRIVE_COLUMNS.map(|address| unit.word(address, &view, &present).unwrap_or(ABSENT)))
 }
 
 fn count_word(count: usize) -> u16 {
@@ -220,10 +224,14 @@ mod tests {
         fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
             (place != 1).then(|| (&self.unit, Arc::clone(&self.view)))
         }
+
+        fn standby(&self, place: usize) -> Option<LineRole> {
+            [None, None, Some(LineRole::Listening)].get(place).copied().flatten()
+        }
     }
 
     fn asked(unit: u8, pdu: &[u8]) -> (Taken, Vec<u16>) {
-        let present = Present { now: NOW, uptime_s: 0x0001_0007, owner: Owner::Mqtt };
+        let present = Present { now: NOW, uptime_s: 0x0001_0007, owner: Owner::Mqtt, standby: None };
         let mut words = Words::default();
         let ask = parse(pdu).unwrap();
         let taken = match take(unit, &ask, &Plant::new(), &present, &mut words) {
@@ -257,7 +265,8 @@ mod tests {
         let (taken, words) = asked(UNIT, &[4, 0x03, 0xE8, 0, 24]);
         assert_eq!(taken, Taken::Words);
         let served = [0b0011_0011, 2, 4250, 4250, 0, 123, 0, 0];
-        assert_eq!(words, [served, [ABSENT; 8], served].concat());
+        let heard = [0b10_0000_0001_0011, 2, 4250, 4250, 0, 123, 0, 0];
+        assert_eq!(words, [served, [ABSENT; 8], heard].concat());
         assert_eq!(asked(UNIT, &[3, 0x03, 0xEA, 0, 1]).1, [4250]);
     }
 

@@ -4,6 +4,7 @@ use super::answer::Answer;
 use super::refusal::exception_of;
 use super::words::Words;
 use crate::domain::command::{Order, Owner, Reason};
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 
 /// When a unit is asked, and by which client.
@@ -15,6 +16,8 @@ pub struct Present {
     pub uptime_s: u32,
     /// The client.
     pub owner: Owner,
+    /// The gateway's role on the line of the drive; `None` if it is the only gateway there.
+    pub standby: Option<LineRole>,
 }
 
 /// What is to be done with a request.

@@ -26,7 +26,9 @@ impl Session {
             if let Some(pending) = self.commands.take(answer.ticket) {
                 self.end(at, &pending, answer.report);
             }
-        } else if let Some(pending) = self.commands.get(answer.ticket).cloned() {
+        } else if let Some(pending) = self.commands.get(answer.ticket).cloned()
+            && !self.is_left_to_another(&pending, answer.report)
+        {
             self.tell_stage(at, &pending, answer.report, false);
         }
     }

@@ -83,6 +83,11 @@ impl CommandIds {
         push(&mut self.refused, Used { by, id, order, epoch, at, ticket, outcome });
     }
 
+    /// Forgets the id of a command that another gateway carries out.
+    pub(super) fn forget(&mut self, ticket: Ticket) {
+        self.ids.retain(|used| used.ticket != ticket);
+    }
+
     /// Remembers the outcome of a command.
     pub(super) fn ended(&mut self, ticket: Ticket, report: Report) {
         if let Some(used) = self.ids.iter_mut().find(|used| used.ticket == ticket) {

@@ -94,6 +94,9 @@ impl Session {
 
     /// Publishes the final result of a command or read.
     pub(super) fn end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
+        if self.is_left_to_another(pending, report) {
+            return self.seen[pending.drive].forget(pending.ticket);
+        }
         self.seen[pending.drive].ended(pending.ticket, report);
         self.tell_end(at, pending, report);
     }

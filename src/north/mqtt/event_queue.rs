@@ -2,6 +2,7 @@
 //! it.
 
 use super::in_flight::InFlight;
+use super::told::Mark;
 use crate::domain::time::MonoTime;
 use crate::north::broker::Refusal;
 use serde_json::{Map, Value};
@@ -14,6 +15,7 @@ const KEPT_MAX: usize = 1_024;
 struct Entry {
     topic: String,
     body: Map<String, Value>,
+    mark: Mark,
     /// How many events before it were dropped.
     lost: u64,
 }
@@ -27,9 +29,9 @@ pub(super) struct EventQueue {
 
 impl EventQueue {
     /// Adds an event, which gets the next sequence number. True if an older one had to be dropped for it.
-    pub(super) fn add(&mut self, topic: String, body: Map<String, Value>) -> bool {
+    pub(super) fn add(&mut self, topic: String, body: Map<String, Value>, mark: Mark) -> bool {
         self.last_seq += 1;
-        self.entries.push(self.last_seq, Entry { topic, body, lost: 0 });
+        self.entries.push(self.last_seq, Entry { topic, body, mark, lost: 0 });
         self.entries.len() > KEPT_MAX && self.drop_oldest()
     }
 
@@ -42,15 +44,20 @@ impl EventQueue {
         true
     }
 
-    /// Topic, payload and number of the next event to be sent on this connection.
-    pub(super) fn next(&mut self, at: MonoTime) -> Option<(String, Vec<u8>, u64)> {
-        let (seq, entry) = self.entries.next(at)?;
+    /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be told.
+    pub(super) fn next(&mut self, at: MonoTime, may: impl Fn(&Mark) -> bool) -> Option<(String, Vec<u8>, u64)> {
+        let (seq, entry) = self.entries.next_of(at, |entry| may(&entry.mark))?;
         let mut body = entry.body.clone();
         body.insert("seq".to_owned(), seq.into());
         if entry.lost > 0 {
             body.insert("lost".to_owned(), entry.lost.into());
         }
         Some((entry.topic.clone(), Value::Object(body).to_string().into_bytes(), seq))
+    }
+
+    /// Drops the oldest waiting event that `was_told` by another gateway. True if there was one.
+    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&Mark) -> bool) -> bool {
+        self.entries.drop_waiting(|entry| was_told(&entry.mark)).is_some()
     }
 
     /// The broker acknowledged the event with this number.
@@ -64,8 +71,8 @@ impl EventQueue {
     }
 
     /// When one that was refused is sent again.
-    pub(super) fn wake(&self) -> Option<MonoTime> {
-        self.entries.again_at()
+    pub(super) fn wake(&self, may: impl Fn(&Mark) -> bool) -> Option<MonoTime> {
+        self.entries.again_at_of(|entry| may(&entry.mark))
     }
 
     /// The connection is lost: what was in flight is sent again.
@@ -84,15 +91,19 @@ mod tests {
     use super::super::in_flight::IN_FLIGHT_MAX;
     use super::*;
 
+    fn add(events: &mut EventQueue) -> bool {
+        events.add("t".into(), Map::new(), Mark::default())
+    }
+
     #[test]
     fn the_oldest_gives_way_and_the_next_one_says_so() {
         let mut events = EventQueue::default();
-        (0..KEPT_MAX).for_each(|_| assert!(!events.add("t".into(), Map::new())));
-        assert_eq!(std::iter::from_fn(|| events.next(MonoTime::ZERO)).count(), IN_FLIGHT_MAX);
-        assert!(events.add("t".into(), Map::new()) && events.add("t".into(), Map::new()));
+        (0..KEPT_MAX).for_each(|_| assert!(!add(&mut events)));
+        assert_eq!(std::iter::from_fn(|| events.next(MonoTime::ZERO, |_| true)).count(), IN_FLIGHT_MAX);
+        assert!(add(&mut events) && add(&mut events));
         assert_eq!(events.len(), KEPT_MAX);
         events.acknowledged(1);
-        let (_, payload, seq) = events.next(MonoTime::ZERO).unwrap();
+        let (_, payload, seq) = events.next(MonoTime::ZERO, |_| true).unwrap();
         assert_eq!((seq, &payload[..]), (19, &br#"{"lost":2,"seq":19}"#[..]));
     }
 }

@@ -21,6 +21,7 @@ pub(super) fn settings(version: Version) -> Settings {
     Settings {
         prefix: "vfd".into(),
         gateway: name("plant"),
+        standby: None,
         version,
         heartbeat: Duration::from_secs(60),
         lease: LeaseMode::Session,

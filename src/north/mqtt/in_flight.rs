@@ -52,12 +52,16 @@ impl<T> InFlight<T> {
 
     /// The next one to be sent on this connection.
     pub(super) fn next(&mut self, at: MonoTime) -> Option<(u64, &T)> {
+        self.next_of(at, |_| true)
+    }
+
+    /// The same among those that `may` be sent.
+    pub(super) fn next_of(&mut self, at: MonoTime, may: impl Fn(&T) -> bool) -> Option<(u64, &T)> {
         let may_go = self.trial_from.is_none_or(|from| at >= from && self.in_flight == 0);
         if !may_go || self.in_flight >= IN_FLIGHT_MAX {
             return None;
         }
-        // The sent ones are first in the queue.
-        let entry = self.entries.iter_mut().find(|entry| !entry.is_sent)?;
+        let entry = self.entries.iter_mut().find(|entry| !entry.is_sent && may(&entry.it))?;
         entry.is_sent = true;
         self.in_flight += 1;
         self.is_trial = self.trial_from.is_some();
@@ -73,9 +77,9 @@ impl<T> InFlight<T> {
         }
     }
 
-    /// When something that was refused is sent again.
-    pub(super) fn again_at(&self) -> Option<MonoTime> {
-        self.trial_from.and(self.wake())
+    /// When something that was refused and `may` be sent is sent again.
+    pub(super) fn again_at_of(&self, may: impl Fn(&T) -> bool) -> Option<MonoTime> {
+        self.trial_from.and(self.wake()).filter(|_| self.entries.iter().any(|entry| !entry.is_sent && may(&entry.it)))
     }
 
     /// The broker acknowledged the one with this number. False if that is not in flight.
@@ -143,6 +147,12 @@ impl<T> InFlight<T> {
         Some((dropped, self.entries.get_mut(place).map(|entry| &mut entry.it)))
     }
 
+    /// Removes the oldest that is not in flight and that `is` one that is not to be sent any more.
+    pub(super) fn drop_waiting(&mut self, mut is: impl FnMut(&T) -> bool) -> Option<u64> {
+        let place = self.entries.iter().position(|entry| !entry.is_sent && is(&entry.it))?;
+        self.entries.remove(place).map(|entry| entry.number)
+    }
+
     /// How many are not acknowledged.
     pub(super) fn len(&self) -> usize {
         self.entries.len()
@@ -189,20 +199,20 @@ mod tests {
             assert_eq!(queue.refused(START, number, Refusal::Full), None);
         }
         (1..=16).filter(|number| ![2, 5].contains(number)).for_each(|number| assert!(queue.acknowledged(number)));
-        assert_eq!(queue.again_at(), Some(START + SECOND), "together they are one refusal");
+        assert_eq!(queue.again_at_of(|()| true), Some(START + SECOND), "together they are one refusal");
         for wait in [2, 4, 8, 16] {
-            let from = queue.again_at().unwrap();
+            let from = queue.again_at_of(|()| true).unwrap();
             assert_eq!(
                 sent(&mut queue, from.before(Duration::from_millis(1))),
                 [0_u64; 0],
                 "what was on its way tells nothing"
             );
             assert_eq!(sent(&mut queue, from), [2], "one, to try");
-            assert_eq!(queue.again_at(), None, "its answer is waited for");
+            assert_eq!(queue.again_at_of(|()| true), None, "its answer is waited for");
             assert_eq!(queue.refused(from, 2, Refusal::Full), None);
-            assert_eq!(queue.again_at(), Some(from + SECOND * wait));
+            assert_eq!(queue.again_at_of(|()| true), Some(from + SECOND * wait));
         }
-        let mut from = queue.again_at().unwrap();
+        let mut from = queue.again_at_of(|()| true).unwrap();
         for _ in 0..100 {
             assert_eq!(sent(&mut queue, from), [2]);
             assert_eq!(
@@ -210,7 +220,7 @@ mod tests {
                 None,
                 "a broker that is full is waited for without an end"
             );
-            let next = queue.again_at().unwrap();
+            let next = queue.again_at_of(|()| true).unwrap();
             assert!(next.since(from) <= WAIT_MAX);
             from = next;
         }
@@ -237,11 +247,11 @@ mod tests {
         assert_eq!(sent(&mut queue, at), [1, 2]);
         assert!(queue.refused(at, 1, Refusal::Failed).is_none() && queue.acknowledged(2));
         for _ in 2..FAILURES_MAX {
-            at = queue.again_at().unwrap();
+            at = queue.again_at_of(|()| true).unwrap();
             assert_eq!(sent(&mut queue, at), [1]);
             assert_eq!(queue.refused(at, 1, Refusal::Failed), None);
         }
-        at = queue.again_at().unwrap();
+        at = queue.again_at_of(|()| true).unwrap();
         assert_eq!(sent(&mut queue, at), [1]);
         assert_eq!(queue.refused(at, 1, Refusal::Failed), Some(()));
         assert!(at.since(START) > SECOND * 100 && at.since(START) < SECOND * 300, "{:?}", at.since(START));

@@ -38,6 +38,7 @@ impl Session {
                 self.are_commanders_gone = says.trim().eq_ignore_ascii_case("offline");
             }
             Some(Inbound::AllRun) => self.all_run(at, message),
+            Some(Inbound::Told(told)) => self.hear(at.mono, told, message),
             Some(Inbound::Drive(place)) => self.drive_input(at, place, message),
         }
     }
@@ -49,9 +50,9 @@ impl Session {
         }
         if !was_open {
             self.stored.opened();
-            if self.settings.home_assistant.is_some() {
-                self.discovery.opened(at.mono);
-            }
+            // What was known of other gateways on the connection before is forgotten.
+            self.speak(at.mono);
+            self.announce(at.mono);
         }
         let is_alive = self.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;
         if is_alive && self.settings.lease == LeaseMode::Session {
@@ -66,17 +67,22 @@ impl Session {
         let reply = self.reply_to(message);
         let asked = payload::read_all(message.payload).and_then(|()| self.live(message, true));
         let controlled: Vec<_> = (0..self.drives.len()).filter(|drive| self.drives[*drive].control.is_some()).collect();
+        let is_another_asked = !self.half.leads();
+        let mine: Vec<_> = controlled.iter().copied().filter(|drive| self.half.may_take(*drive, true)).collect();
         let refused = match asked {
             Err(refused) => refused,
             Ok(()) if controlled.is_empty() => Refused::plain(Reason::ReadOnly),
             Ok(()) => {
-                for drive in controlled {
+                for drive in mine {
                     let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply: reply.clone() };
                     self.give(at, drive, asker, InputCommand::plain(Order::Stop { setpoint: None }), message);
                 }
                 return;
             }
         };
+        if is_another_asked {
+            return;
+        }
         let refused = if message.retain { self.live(message, false).err().unwrap_or(refused) } else { refused };
         let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply };
         let tried = attempts::text(self.topics.below(message.topic), message.payload);
@@ -93,6 +99,9 @@ impl Session {
         };
         let (id, asked) = payload::read(place.input, message.payload, &self.drives[drive].model);
         let is_a_stop = matches!(&asked, Ok(InputRequest::Order(wish)) if wish.order.is_stop());
+        if !self.half.may_take(drive, is_a_stop) {
+            return;
+        }
         let tried = self.tried(place, &asked, message);
         let owner = owner(place);
         let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
@@ -148,6 +157,9 @@ impl Session {
     }
 
     fn unknown_drive(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
+        if !self.half.leads() {
+            return;
+        }
         let name = place.drive;
         let by = owner(place).unwrap_or(Owner::Mqtt);
         let near = nearest(name, self.drives.iter().map(|drive| drive.name.as_str()));

@@ -20,6 +20,8 @@ const STATS_EVERY: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub(super) struct LineTopics {
     status: Slot,
+    /// Which of several gateways is active on the line, and its name.
+    active: Option<(Slot, String)>,
     stats_topic: String,
     /// The names of its drives, in order.
     drives: Vec<Name>,
@@ -32,12 +34,15 @@ impl LineTopics {
     pub(super) fn new(topics: &Topics, name: &Name, drives: &[DriveDescription]) -> Self {
         let topic = |rest| topics.line(name.as_str(), rest);
         let drives = drives.iter().filter(|drive| drive.line == *name).map(|drive| drive.name.clone()).collect();
-        Self { status: Slot::new(topic("status")), stats_topic: topic("stats"), drives, stats: None, is_held: false }
+        let active = topics.half().map(|half| (Slot::new(topic("active")), half.to_string()));
+        let status = Slot::new(topic("status"));
+        Self { status, active, stats_topic: topic("stats"), drives, stats: None, is_held: false }
     }
 
     /// All its topics.
     pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
-        [self.status.topic(), self.stats_topic.as_str()].into_iter()
+        let active = self.active.as_ref().map(|(slot, _)| slot.topic());
+        [self.status.topic(), self.stats_topic.as_str()].into_iter().chain(active)
     }
 
     /// Whether both show the same line with the same drives.
@@ -47,6 +52,9 @@ impl LineTopics {
 
     pub(super) fn forget(&mut self) {
         self.status.forget();
+        if let Some((active, _)) = &mut self.active {
+            active.forget();
+        }
         self.stats = None;
     }
 
@@ -56,6 +64,11 @@ impl LineTopics {
         let payload = status.clone().into_bytes();
         if self.status.offer(now, Content::Text(status.into()), |_, _| true).is_some() {
             return Some(self.status.publication(now, payload, Qos::AtLeastOnce));
+        }
+        if let Some((active, half)) = &mut self.active
+            && active.offer(now, Content::Text(half.clone().into()), |_, _| true).is_some()
+        {
+            return Some(active.publication(now, half.clone().into_bytes(), Qos::AtLeastOnce));
         }
         self.next_stats(now, line)
     }
@@ -86,7 +99,9 @@ impl LineTopics {
 
     pub(super) fn wake(&self, heartbeat: Duration) -> Option<MonoTime> {
         let wait = if self.is_held { STATS_EVERY } else { heartbeat };
-        Some(self.stats.as_ref()?.0 + wait).into_iter().chain([self.status.due(heartbeat)]).min()
+        let active = self.active.as_ref().map(|(slot, _)| slot.due(heartbeat));
+        let all = Some(self.stats.as_ref()?.0 + wait).into_iter().chain([self.status.due(heartbeat)]).chain(active);
+        all.min()
     }
 }
 

@@ -5,7 +5,8 @@
 //! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`
 //! publish their outcomes, `attempts` describes what a refused message attempted, `seen` remembers used ids, `stored`,
 //! `event_queue` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
-//! defines for each register which change is news, and `home_assistant` announces it all.
+//! defines for each register which change is news, and `home_assistant` announces it all. `standby`, `half` and `told`
+//! make it one of several gateways of the same name.
 
 mod answers;
 mod attempts;
@@ -15,6 +16,7 @@ mod counters;
 mod dispatch;
 mod drive_topics;
 mod event_queue;
+mod half;
 mod history;
 mod home_assistant;
 mod in_flight;
@@ -30,9 +32,15 @@ mod replaced_tests;
 mod results;
 mod session;
 mod slot;
+mod standby;
+#[cfg(test)]
+mod standby_pair_tests;
+#[cfg(test)]
+mod standby_tests;
 mod state;
 mod stored;
 mod telemetry;
+mod told;
 mod topics;
 mod types;
 

@@ -43,7 +43,9 @@ impl Session {
         if let (Some(old), Some(new)) = (old, new) {
             self.discovery.replace(&old, &new);
         }
+        self.half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         self.drives = drives;
         self.lines = lines;
+        self.speak(at.mono);
     }
 }

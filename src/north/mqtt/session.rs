@@ -4,11 +4,13 @@ use super::command_ids::CommandIds;
 use super::counters::Counters;
 use super::dispatch::Context;
 use super::event_queue::EventQueue;
+use super::half::Half;
 use super::history::History;
 use super::home_assistant::{Discovery, Plant};
 use super::results::Results;
 use super::stored::Stored;
 use super::telemetry::Telemetry;
+use super::told::{Mark, Told};
 use super::topics::Topics;
 use super::types::{Act, Settings};
 use crate::domain::ids::{AskerId, Name};
@@ -43,7 +45,8 @@ pub struct Session {
     pub(super) topics: Topics,
     pub(super) drives: Vec<DriveDescription>,
     pub(super) lines: Vec<Name>,
-    /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970.
+    /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970, and of several
+    /// gateways which one it is.
     pub(super) run: String,
     pub(super) clock: Clock,
     pub(super) issued: Issued,
@@ -54,8 +57,12 @@ pub struct Session {
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
     pub(super) results: Results,
-    events: EventQueue,
+    pub(super) events: EventQueue,
     pub(super) stored: Stored,
+    /// What other gateways of the name have told.
+    pub(super) told: Told,
+    /// Which of them this one is.
+    pub(super) half: Half,
     history: History,
     pub(super) telemetry: Telemetry,
     pub(super) discovery: Discovery,
@@ -77,8 +84,11 @@ impl Session {
     ) -> Self {
         let topics = Topics::new(&settings);
         let clock = Clock::new(started);
-        let run = started.wall.unix_ms.to_string();
-        Self {
+        let half = settings.standby.as_ref().map(|pair| format!("-{}", pair.half)).unwrap_or_default();
+        let run = format!("{}{half}", started.wall.unix_ms);
+        let mut half = Half::new(settings.standby.clone(), &topics);
+        half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
+        let mut session = Self {
             telemetry: Telemetry::new(&settings, &topics, &drives, &lines, &clock.text(started.mono)),
             path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| CommandIds::default()).collect(),
@@ -87,6 +97,8 @@ impl Session {
             results: Results::default(),
             events: EventQueue::default(),
             stored: Stored::default(),
+            told: Told::default(),
+            half,
             history: History::new(settings.keep_telemetry),
             discovery: Discovery::default(),
             counters: Counters::default(),
@@ -99,7 +111,9 @@ impl Session {
             clock,
             issued: Issued::default(),
             started: started.mono,
-        }
+        };
+        session.speak(started.mono);
+        session
     }
 
     /// What the broker publishes when the connection breaks.
@@ -179,6 +193,8 @@ impl Session {
         self.history.lost();
         self.telemetry.forget();
         self.discovery.lost();
+        self.told.lost();
+        self.half.lost();
         self.commands.path_lost();
     }
 
@@ -189,8 +205,12 @@ impl Session {
         let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else { return };
         let mut body = trip::event(drive, &|at| self.clock.text(at), event);
         body.insert("session".to_owned(), self.run.as_str().into());
+        let mark = self.half.pair().map(|_| Mark::of(drive.name.as_str(), &body)).unwrap_or_default();
+        if self.told.take(at.mono, &mark) {
+            return;
+        }
         let topic = self.topics.drive(drive.name.as_str(), "trip/event");
-        self.counters.events_dropped += u64::from(self.events.add(topic, body));
+        self.counters.events_dropped += u64::from(self.events.add(topic, body, mark));
         self.count_events();
     }
 
@@ -211,10 +231,12 @@ impl Session {
         let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
         let telemetry = open(self.telemetry.wake());
         let history = open(self.history.wake());
-        let events = open(self.events.wake());
-        let stored = open(self.stored.wake());
+        let may_tell = |mark: &Mark| self.may_tell(self.half.now(), mark);
+        let events = open(self.events.wake(may_tell));
+        let stored = open(self.stored.wake(may_tell));
+        let half = open(self.half.wake(self.settings.heartbeat));
         let discovery = open(self.discovery.wake());
-        let told = [telemetry, history, events, stored, discovery];
+        let told = [telemetry, history, events, stored, half, discovery];
         [self.path.wake(), self.commands.wake()].into_iter().chain(told).flatten().min()
     }
 
@@ -234,6 +256,7 @@ impl Session {
             return Some(act);
         }
         self.clock.see(at);
+        self.see_roles(at, lines);
         self.check_path(at.mono);
         self.record(at.mono, views);
         if let Some(reason) = self.path.take_reconnect() {
@@ -276,11 +299,11 @@ impl Session {
         if !self.path.is_open() {
             return None;
         }
-        if let Some((topic, payload, token)) = self.events.next(at) {
-            return Some(passing(topic, payload, Qos::AtLeastOnce, Some(token)));
+        if let Some(event) = self.next_event(at) {
+            return Some(event);
         }
-        if let Some((topic, payload, seq)) = self.stored.next(at) {
-            return Some(passing(topic, payload, Qos::AtLeastOnce, Some(STORED | seq)));
+        if let Some(publication) = self.next_of_standby(at) {
+            return Some(publication);
         }
         if let Some(publication) = self.telemetry.next(at, self.clock, &self.drives, views, lines) {
             return Some(publication);
@@ -291,6 +314,17 @@ impl Session {
         let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
         let (publication, number) = self.discovery.next(at, &plant)?;
         Some(Publication { token: Some(DISCOVERY | number), ..publication })
+    }
+
+    fn next_event(&mut self, at: MonoTime) -> Option<Publication> {
+        let (mut events, mut stored) = (std::mem::take(&mut self.events), std::mem::take(&mut self.stored));
+        let event = events.next(at, |mark| self.may_tell(at, mark));
+        let event = event.or_else(|| {
+            let (topic, payload, seq) = stored.next(at, |mark| self.may_tell(at, mark))?;
+            Some((topic, payload, STORED | seq))
+        });
+        (self.events, self.stored) = (events, stored);
+        event.map(|(topic, payload, token)| passing(topic, payload, Qos::AtLeastOnce, Some(token)))
     }
 
     /// What is subscribed.
@@ -316,9 +350,13 @@ impl Session {
     /// What is still to be published on an orderly end.
     pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.clock.see(at);
-        let drives = self.drives.iter().map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
-        let all = drives.chain([self.topics.gateway("status")]).map(goodbye);
-        all.collect::<Vec<_>>().into_iter().filter_map(|it| self.admitted(it)).collect()
+        let all = if self.half.pair().is_some() {
+            self.farewell_as_half(at.mono)
+        } else {
+            let drives = self.drives.iter().map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
+            drives.chain([self.topics.gateway("status")]).map(goodbye).collect()
+        };
+        all.into_iter().filter_map(|it| self.admitted(it)).collect()
     }
 
     /// Whether the path through the broker was proven recently: a probe returned on this connection, no longer ago than
@@ -340,7 +378,7 @@ const fn passing(topic: String, payload: Vec<u8>, qos: Qos, token: Option<u64>) 
     Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token }
 }
 
-fn goodbye(topic: String) -> Publication {
+pub(super) fn goodbye(topic: String) -> Publication {
     let payload = b"offline".to_vec();
     let qos = Qos::AtLeastOnce;
     Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None }

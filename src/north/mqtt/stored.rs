@@ -3,11 +3,13 @@
 
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
 use super::session::Session;
+use super::told::Mark;
 use super::types::Act;
 use crate::domain::time::MonoTime;
 use crate::journal::StoredEvent;
 use crate::north::broker::Refusal;
 use crate::north::clock::Moment;
+use serde_json::{Map, Value};
 use std::collections::VecDeque;
 
 /// Most events that are taken from the journal and not acknowledged.
@@ -16,16 +18,18 @@ const WAITING_MAX: usize = 4 * IN_FLIGHT_MAX;
 /// The events that were taken from the journal.
 #[derive(Debug, Default)]
 pub(super) struct Stored {
-    /// Topic and payload of each.
-    waiting: InFlight<(String, Vec<u8>)>,
+    /// Topic and payload of each, and what tells it from others.
+    waiting: InFlight<(String, Vec<u8>, Mark)>,
     /// The highest number that was taken so far.
     newest: u64,
     /// The journal was asked for those after that.
     is_asked: bool,
     /// The journal is to be asked.
     wants: bool,
-    /// What the broker has or refused, and was not reported to the journal yet. Each was waiting.
+    /// What the broker has or refused, and was not reported to the journal yet. Each was waiting or just taken.
     taken: VecDeque<u64>,
+    /// What marks the events of our journal.
+    session: Option<String>,
 }
 
 impl Stored {
@@ -41,7 +45,13 @@ impl Stored {
         self.is_asked = false;
     }
 
-    fn take(&mut self, events: &[StoredEvent], more: bool, topic: impl Fn(&StoredEvent) -> String) {
+    /// `place`: topic and mark of an event; `None` if another gateway has told it.
+    fn take(
+        &mut self,
+        events: &[StoredEvent],
+        more: bool,
+        mut place: impl FnMut(&StoredEvent) -> Option<(String, Mark)>,
+    ) {
         if events.is_empty() {
             // A bell. Without `more`, what was requested arrives as soon as it exists.
             self.wants |= more;
@@ -58,15 +68,33 @@ impl Stored {
             }
             if event.seq > self.newest {
                 self.newest = event.seq;
-                self.waiting.push(event.seq, (topic(event), event.body.clone().into_bytes()));
+                match place(event) {
+                    Some((topic, mark)) => {
+                        self.waiting.push(event.seq, (topic, event.body.clone().into_bytes(), mark));
+                    }
+                    None => self.taken.push_back(event.seq),
+                }
             }
         }
     }
 
-    /// Topic, payload and number of the next event to be sent on this connection.
-    pub(super) fn next(&mut self, at: MonoTime) -> Option<(String, Vec<u8>, u64)> {
-        let (seq, (topic, payload)) = self.waiting.next(at)?;
+    /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be told.
+    pub(super) fn next(&mut self, at: MonoTime, may: impl Fn(&Mark) -> bool) -> Option<(String, Vec<u8>, u64)> {
+        let (seq, (topic, payload, _)) = self.waiting.next_of(at, |(_, _, mark)| may(mark))?;
         Some((topic.clone(), payload.clone(), seq))
+    }
+
+    /// Drops the oldest waiting event that `was_told` by another gateway: it is not to be published any more. True if
+    /// there was one.
+    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&Mark) -> bool) -> bool {
+        let dropped = self.waiting.drop_waiting(|(_, _, mark)| was_told(mark));
+        self.taken.extend(dropped);
+        dropped.is_some()
+    }
+
+    /// Whether `session` marks the events of our journal.
+    pub(super) fn is_ours(&self, session: &str) -> bool {
+        self.session.as_deref() == Some(session)
     }
 
     /// The broker acknowledged the event with this number.
@@ -87,8 +115,8 @@ impl Stored {
     }
 
     /// When one that was refused is sent again.
-    pub(super) fn wake(&self) -> Option<MonoTime> {
-        self.waiting.again_at()
+    pub(super) fn wake(&self, may: impl Fn(&Mark) -> bool) -> Option<MonoTime> {
+        self.waiting.again_at_of(|(_, _, mark)| may(mark))
     }
 
     /// The next request or report to the journal.
@@ -120,8 +148,20 @@ impl Session {
     /// request that cannot be answered yet stays open until it can.
     pub fn stored_events(&mut self, at: Moment, events: &[StoredEvent], more: bool) {
         self.clock.see(at);
-        let topics = &self.topics;
-        self.stored.take(events, more, |event| topics.drive(event.drive.as_str(), "trip/event"));
+        let (topics, told) = (&self.topics, &mut self.told);
+        let has_pair = self.half.pair().is_some();
+        let mut session = None;
+        self.stored.take(events, more, |event| {
+            let topic = topics.drive(event.drive.as_str(), "trip/event");
+            if !has_pair {
+                return Some((topic, Mark::default()));
+            }
+            let body: Map<String, Value> = serde_json::from_str(&event.body).unwrap_or_default();
+            session = body.get("session").and_then(Value::as_str).map(str::to_owned);
+            let mark = Mark::of(event.drive.as_str(), &body);
+            (!told.take(at.mono, &mark)).then_some((topic, mark))
+        });
+        self.stored.session = session.or(self.stored.session.take());
         self.count_events();
     }
 }
@@ -135,11 +175,15 @@ mod tests {
         StoredEvent { seq, drive: Name::new("pump").unwrap(), body: seq.to_string() }
     }
 
+    fn place() -> Option<(String, Mark)> {
+        Some((String::new(), Mark::default()))
+    }
+
     /// The journal returns this many of its `kept` events after `after`.
     fn answer(stored: &mut Stored, kept: &[u64], after: u64, most: usize) {
         let behind: Vec<_> = kept.iter().filter(|seq| **seq > after).map(|seq| event(*seq)).collect();
         let given = behind.get(..most.min(behind.len())).unwrap();
-        stored.take(given, given.len() < behind.len(), |_| String::new());
+        stored.take(given, given.len() < behind.len(), |_| place());
     }
 
     fn wanted(stored: &mut Stored) -> Option<u64> {
@@ -147,7 +191,7 @@ mod tests {
     }
 
     fn sent(stored: &mut Stored) -> Vec<u64> {
-        std::iter::from_fn(|| stored.next(MonoTime::ZERO).map(|(_, _, seq)| seq)).collect()
+        std::iter::from_fn(|| stored.next(MonoTime::ZERO, |_| true).map(|(_, _, seq)| seq)).collect()
     }
 
     #[test]
@@ -175,17 +219,17 @@ mod tests {
     #[test]
     fn what_was_not_asked_for_is_a_bell() {
         let mut stored = Stored::default();
-        stored.take(&[event(7)], false, |_| String::new());
+        stored.take(&[event(7)], false, |_| place());
         assert_eq!(stored.len(), 0);
         stored.opened();
         assert_eq!(wanted(&mut stored), Some(0));
-        stored.take(&[], false, |_| String::new());
+        stored.take(&[], false, |_| place());
         assert_eq!(wanted(&mut stored), None, "the want stays open");
-        stored.take(&[event(7), event(9)], false, |_| String::new());
+        stored.take(&[event(7), event(9)], false, |_| place());
         assert_eq!((stored.len(), wanted(&mut stored)), (2, Some(9)));
-        stored.take(&[event(7), event(9)], false, |_| String::new());
+        stored.take(&[event(7), event(9)], false, |_| place());
         assert_eq!((stored.len(), wanted(&mut stored)), (2, Some(9)), "none twice");
-        stored.take(&[], true, |_| String::new());
+        stored.take(&[], true, |_| place());
         stored.lost();
         assert_eq!((wanted(&mut stored), sent(&mut stored)), (None, vec![7, 9]));
         stored.opened();

@@ -22,6 +22,29 @@ use std::time::Duration;
 /// stay as they are.
 const GONE_MAX: usize = 4096;
 
+/// For what one of several gateways of a name speaks. The default: it is the only one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Spoken {
+    /// Not for what concerns no single line.
+    pub(super) is_led: bool,
+    /// Not for the gateway as a whole.
+    pub(super) is_silent: bool,
+    /// For these lines; `None`: for all.
+    pub(super) lines: Option<Vec<bool>>,
+    /// For these drives; `None`: for all.
+    pub(super) drives: Option<Vec<bool>>,
+}
+
+impl Spoken {
+    fn line(&self, place: usize) -> bool {
+        self.lines.as_ref().is_none_or(|lines| lines.get(place) == Some(&true))
+    }
+
+    fn drive(&self, place: usize) -> bool {
+        self.drives.as_ref().is_none_or(|drives| drives.get(place) == Some(&true))
+    }
+}
+
 /// All retained topics of the gateway.
 #[derive(Debug)]
 pub(super) struct Telemetry {
@@ -40,6 +63,8 @@ pub(super) struct Telemetry {
     gone: Vec<String>,
     /// How many of them are cleared on this connection.
     cleared: usize,
+    /// For what this gateway speaks.
+    spoken: Spoken,
     /// The position of the walk: 0 the information, then the lines, then the drives.
     place: usize,
 }
@@ -64,6 +89,7 @@ impl Telemetry {
             drives: drives.iter().map(|drive| DriveTopics::new(settings, topics, drive)).collect(),
             gone: Vec::new(),
             cleared: 0,
+            spoken: Spoken::default(),
             place: 0,
         };
         telemetry.clear_all_but_own(telemetry.left_out(settings, topics, drives, lines));
@@ -140,7 +166,7 @@ impl Telemetry {
     }
 
     fn clear_next(&mut self, now: &Present) -> Option<Publication> {
-        let topic = self.gone.get(self.cleared)?.clone();
+        let topic = self.gone.get(self.cleared).filter(|_| !self.spoken.is_led)?.clone();
         self.cleared += 1;
         Some(retained(now, topic, Vec::new(), Qos::AtLeastOnce))
     }
@@ -151,6 +177,34 @@ impl Telemetry {
         self.place = 0;
         self.cleared = 0;
         self.status.forget();
+        self.lines.iter_mut().for_each(LineTopics::forget);
+        self.drives.iter_mut().for_each(DriveTopics::forget);
+    }
+
+    /// Speaks for these from now on. What it begins to speak for is published.
+    pub(super) fn speak(&mut self, spoken: Spoken) {
+        let before = std::mem::replace(&mut self.spoken, spoken);
+        let now = &self.spoken;
+        let lines = self.lines.iter_mut().enumerate().filter(|(place, _)| before.line(*place) != now.line(*place));
+        lines.for_each(|(_, line)| line.forget());
+        let drives = self.drives.iter_mut().enumerate().filter(|(place, _)| before.drive(*place) != now.drive(*place));
+        drives.for_each(|(_, drive)| drive.forget());
+        if before.is_led != now.is_led {
+            self.is_info_published = false;
+            self.cleared = 0;
+        }
+        if before.is_silent != now.is_silent {
+            self.status.forget();
+        }
+    }
+
+    /// The status was changed by another gateway: it is published again.
+    pub(super) fn forget_status(&mut self) {
+        self.status.forget();
+    }
+
+    /// What another gateway published last may have replaced what lines and drives show: they are published again.
+    pub(super) fn forget_lines(&mut self) {
         self.lines.iter_mut().for_each(LineTopics::forget);
         self.drives.iter_mut().for_each(DriveTopics::forget);
     }
@@ -171,7 +225,9 @@ impl Telemetry {
         history: &mut History,
     ) -> u64 {
         let now = Present { at, clock, heartbeat: self.heartbeat, expires: self.expires };
+        let spoken = &self.spoken;
         let each = self.drives.iter_mut().zip(drives.iter().zip(views)).enumerate();
+        let each = each.filter(|(place, _)| spoken.drive(*place));
         let changes = each.flat_map(|(place, (topics, (drive, view)))| topics.record(&now, place, drive, view));
         changes.map(|change| u64::from(history.add(change))).sum()
     }
@@ -198,6 +254,9 @@ impl Telemetry {
             }
             self.place = (self.place + 1) % places;
         }
+        if self.spoken.is_silent {
+            return None;
+        }
         let is_due = self.status.offer(&now, Content::Text("online".into()), |_, _| true).is_some();
         is_due.then(|| self.status.publication(&now, b"online".to_vec(), Qos::AtLeastOnce))
     }
@@ -211,14 +270,15 @@ impl Telemetry {
     ) -> Option<Publication> {
         let Some(place) = self.place.checked_sub(1) else { return self.take_info() };
         if let Some(topics) = self.lines.get_mut(place) {
-            return topics.next(now, lines.get(place)?);
+            return topics.next(now, lines.get(place).filter(|_| self.spoken.line(place))?);
         }
         let place = place - self.lines.len();
-        self.drives.get_mut(place)?.next(now, drives.get(place)?, views.get(place)?)
+        let topics = self.drives.get_mut(place).filter(|_| self.spoken.drive(place))?;
+        topics.next(now, drives.get(place)?, views.get(place)?)
     }
 
     fn take_info(&mut self) -> Option<Publication> {
-        if !self.is_info_wanted || std::mem::replace(&mut self.is_info_published, true) {
+        if !self.is_info_wanted || self.spoken.is_led || std::mem::replace(&mut self.is_info_published, true) {
             return None;
         }
         let topic = self.info_topic.clone();

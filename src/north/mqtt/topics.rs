@@ -1,6 +1,7 @@
 //! The topics of one gateway: building them, and parsing the topic of a message.
 
 use super::types::Settings;
+use crate::domain::ids::Name;
 use crate::north::broker::{Filter, Qos};
 
 /// All topics of one gateway.
@@ -10,6 +11,8 @@ pub(super) struct Topics {
     /// `PREFIX/GATEWAY/`.
     base: String,
     alive: Option<String>,
+    /// This one of several gateways of the name.
+    half: Option<Name>,
     /// At which quality of service the inputs are subscribed.
     qos: Qos,
 }
@@ -25,6 +28,21 @@ pub(super) enum Inbound<'t> {
     AllRun,
     /// An input of a drive.
     Drive(InputAddress<'t>),
+    /// What one of several gateways of the name tells.
+    Told(Told<'t>),
+}
+
+/// What the gateways of one name tell, so that each of them hears it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Told<'t> {
+    /// Whether the gateway is online.
+    Status,
+    /// What the one of this name says of itself.
+    Standby(&'t str),
+    /// A trip event of the drive of this name.
+    Event(&'t str),
+    /// The record of its last trip.
+    Last(&'t str),
 }
 
 /// Which input of which drive, and of which client.
@@ -76,11 +94,13 @@ impl Topics {
             prefix: settings.prefix.clone(),
             base,
             alive: settings.alive_topic.clone(),
+            half: settings.standby.as_ref().map(|pair| pair.half.clone()),
             qos: settings.subscription_qos,
         }
     }
 
-    /// What is subscribed: inputs only, so that none of our publications is delivered to us.
+    /// What is subscribed: inputs only, so that none of our publications is delivered to us; with another gateway of the
+    /// name also what both tell.
     pub(super) fn filters(&self) -> Vec<Filter> {
         /// The shared topic, and that of each client with topics of its own.
         const ORDERS: [&str; 8] = [
@@ -98,12 +118,24 @@ impl Topics {
         let inputs = orders.chain(others).map(|rest| self.filter(self.gateway(&rest), false));
         // What the alive topic said while we were disconnected is valid.
         let alive = self.alive.clone().map(|path| self.filter(path, true));
-        inputs.chain(alive).collect()
+        let told = ["status", "standby/+", "drive/+/trip/event", "drive/+/trip/last"];
+        let told = told.into_iter().filter(|_| self.half.is_some()).map(|rest| self.filter(self.gateway(rest), true));
+        inputs.chain(alive).chain(told).collect()
     }
 
     /// The subscription of `path`.
     pub(super) const fn filter(&self, path: String, wants_retained: bool) -> Filter {
         Filter { path, qos: self.qos, wants_retained }
+    }
+
+    /// This one of several gateways of the name; `None` if it is the only one.
+    pub(super) const fn half(&self) -> Option<&Name> {
+        self.half.as_ref()
+    }
+
+    /// Where the one called `half` of several gateways tells of itself.
+    pub(super) fn standby(&self, half: &str) -> String {
+        self.gateway(&format!("standby/{half}"))
     }
 
     /// A topic of the gateway as a whole.
@@ -132,7 +164,8 @@ impl Topics {
             return Some(Inbound::Alive);
         }
         let rest = topic.strip_prefix(self.base.as_str())?;
-        if rest == "probe" { Some(Inbound::Probe) } else { command(rest) }
+        let told = self.half.as_ref().and_then(|_| told(rest));
+        if rest == "probe" { Some(Inbound::Probe) } else { told.map(Inbound::Told).or_else(|| command(rest)) }
     }
 
     /// Whether a response may be sent to `topic`: it is under `allowed`, is a plain topic, and is neither ours nor an
@@ -160,6 +193,22 @@ fn command(rest: &str) -> Option<Inbound<'_>> {
     let (by, rest) = rest.split_once('/')?;
     let place = place(Some(by), rest)?;
     (!place.input.only_reads()).then_some(Inbound::Drive(place))
+}
+
+/// What is told in the levels after the gateway's name.
+fn told(rest: &str) -> Option<Told<'_>> {
+    if rest == "status" {
+        return Some(Told::Status);
+    }
+    if let Some(half) = rest.strip_prefix("standby/") {
+        return Some(Told::Standby(half));
+    }
+    let (drive, what) = rest.strip_prefix("drive/")?.split_once('/')?;
+    match what {
+        "trip/event" => Some(Told::Event(drive)),
+        "trip/last" => Some(Told::Last(drive)),
+        _ => None,
+    }
 }
 
 fn place<'t>(by: Option<&'t str>, rest: &'t str) -> Option<InputAddress<'t>> {

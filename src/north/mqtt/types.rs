@@ -2,6 +2,7 @@
 
 pub use crate::domain::control::LeaseMode;
 use crate::domain::ids::Name;
+use crate::domain::standby::StandbyPair;
 use crate::drive::description::DriveRef;
 use crate::journal::Attempt;
 use crate::north::broker::{Filter, Publication, Qos, ToLine, Version};
@@ -14,6 +15,8 @@ pub struct Settings {
     pub prefix: String,
     /// The gateway's name: the level after the prefix.
     pub gateway: Name,
+    /// Which of several gateways of this name it is; `None` if it is the only one.
+    pub standby: Option<StandbyPair>,
     /// Protocol version of the connection.
     pub version: Version,
     /// Interval after which an unchanged value is published again.

@@ -4,6 +4,7 @@ use super::Present;
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
@@ -29,13 +30,15 @@ pub struct Drive<'d> {
     pub view: &'d DriveView,
     /// Its station number, as far as it is known.
     pub station: Option<Station>,
+    /// The gateway's role on its line; `None` if it is the only gateway there.
+    pub standby: Option<LineRole>,
 }
 
 impl Drive<'_> {
     /// The document.
     #[must_use]
     pub fn document(&self, present: &Present<'_>) -> Value {
-        let Self { description, view, station } = self;
+        let Self { description, view, station, standby } = self;
         let model = &description.model;
         json!({
             "name": description.name.as_str(),
@@ -59,6 +62,7 @@ impl Drive<'_> {
                 "ready": view.status.ready,
             },
             "warning": shown::warning_text(self.description, self.view, present.now),
+            "standby": standby.map(LineRole::word),
             "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
             "control": description.control.as_ref().map(|settings| self.control(settings, present.now)),
             "usage": shown::usage(view),

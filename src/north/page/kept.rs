@@ -235,7 +235,11 @@ mod tests {
         let wall = |s: i64| WallTime { unix_ms: s * 1000 };
         let mut note = |s: i64, word: u16| {
             let view = view(&description, word);
-            collector.note(wall(s), NOW, [Drive { description: &description, view: &view, station: None }])
+            collector.note(
+                wall(s),
+                NOW,
+                [Drive { description: &description, view: &view, station: None, standby: None }],
+            )
         };
         assert_eq!(note(600, 1000), []);
         assert_eq!(note(659, 3000), []);

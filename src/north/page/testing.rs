@@ -63,5 +63,5 @@ pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
 
 /// Both together.
 pub(super) fn drive<'d>(description: &'d DriveDescription, view: &'d DriveView) -> Drive<'d> {
-    Drive { description, view, station: Some(Station(3)) }
+    Drive { description, view, station: Some(Station(3)), standby: None }
 }

@@ -4,12 +4,13 @@ use super::gateway::{BrokerWay, JournalState};
 use super::line_use::Rates;
 use super::testing::{NOW, NOW_TEXT, clock, description, drive, models, view};
 use super::trend::{ROWS_MAX, STEP};
-use super::{Gateway, Line, Present, Trends, trips};
+use super::{Drive, Gateway, Line, Present, Trends, trips};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds};
+use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
@@ -414,6 +415,29 @@ fn a_line_in_trouble_says_what_to_look_at() {
     assert!(poor[0].starts_with("hint: 2 %"), "{poor:?}");
     let full = said(LineReport { planned_use_per_mille: 1430, ..up() }, false);
     assert!(full[0].starts_with("hint: the polls would need 143 %"), "{full:?}");
+}
+
+#[test]
+fn a_line_with_several_gateways_tells_who_sends() {
+    let said = |role, hears_other, rivals| {
+        let standby = StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other };
+        let advice = with_line(LineReport { standby: Some(standby), ..up() }, false, |line| line.advice());
+        advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
+    };
+    assert_eq!(said(LineRole::Listening, true, 0), []);
+    assert_eq!(said(LineRole::Active, false, 0), []);
+    assert_eq!(said(LineRole::Listening, false, 0), [Sign::NoGatewayActive]);
+    assert_eq!(said(LineRole::Active, false, 2), [Sign::RivalOnLine]);
+}
+
+#[test]
+fn a_drive_shows_whether_its_gateway_is_on_standby() {
+    let description = description("hyundai-n700");
+    let view = view(&description, 3000);
+    for (standby, right) in [(None, json!(null)), (Some(LineRole::Listening), json!("listening"))] {
+        let drive = Drive { standby, ..drive(&description, &view) };
+        assert_eq!(drive.document(&Present { now: NOW, clock: &clock() })["standby"], right);
+    }
 }
 
 #[test]

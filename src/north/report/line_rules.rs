@@ -32,14 +32,19 @@ pub(super) fn suspended(seen: &Observed) -> FindingText {
 pub(super) fn other_master(seen: &Observed) -> FindingText {
     let is_told = seen.line.suspicion == Some(Suspicion::OtherMaster);
     let text = || Sentence::new("finding.other_master").with("requests", seen.other_master);
-    (seen.other_master >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
+    (seen.other_master >= SIGNS && !is_told && !is_shared(seen)).then(|| (Severity::Problem, text()))
 }
 
 pub(super) fn stranger(seen: &Observed) -> FindingText {
     let known = seen.sum(|drive| drive.damage.late + drive.damage.doubled);
     let strangers = (seen.strays + seen.foreign).saturating_sub(known);
     let text = || Sentence::new("finding.stranger").with("frames", strangers);
-    (strangers >= SIGNS).then(|| (Severity::Problem, text()))
+    (strangers >= SIGNS && !is_shared(seen)).then(|| (Severity::Problem, text()))
+}
+
+/// Whether the line has several gateways: then requests of another one and their replies belong there.
+const fn is_shared(seen: &Observed) -> bool {
+    seen.line.standby.is_some()
 }
 
 /// Bytes when the line should be silent. A few are caused by the adapter's own change of direction.

@@ -24,6 +24,7 @@ pub(super) fn settings() -> Settings {
     Settings {
         group: "hall 1".into(),
         node: name("plant"),
+        standby: false,
         primary_host: Some("scada".into()),
         version: Version::V5,
         probe_topic: PROBE.into(),

@@ -25,6 +25,8 @@ mod command_tests;
 mod harness;
 #[cfg(test)]
 mod session_tests;
+#[cfg(test)]
+mod standby_tests;
 
 pub use session::Session;
 pub use types::{Act, Counters, Settings};

@@ -8,6 +8,7 @@ use super::telling::publication;
 use super::topics::{Inbound, Kind, Topics};
 use super::types::{Act, Counters, Settings};
 use crate::domain::ids::{AskerId, Name, Ticket};
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
@@ -46,6 +47,11 @@ pub struct Session {
     /// When everything is born again because a host requested it.
     pub(super) rebirth_at: Option<MonoTime>,
     pub(super) born_at: MonoTime,
+    /// The gateway is the edge node: it is the only one, or the active one.
+    pub(super) is_mine: bool,
+    /// The drives on whose line another gateway is active.
+    pub(super) listens: Vec<bool>,
+    is_connected: bool,
     /// The session with this broker is to be ended, for this reason.
     leaving: Option<&'static str>,
     /// The device that is checked next.
@@ -81,6 +87,9 @@ impl Session {
             is_known: false,
             rebirth_at: None,
             born_at: started.mono,
+            is_mine: !settings.standby,
+            listens: Vec::new(),
+            is_connected: false,
             leaving: None,
             place: 0,
             commands: Commands::new(AskerId::SPARKPLUG),
@@ -127,6 +136,7 @@ impl Session {
                 self.broker = broker;
                 self.host.forget();
                 self.path.connected();
+                self.is_connected = true;
             }
             Event::Subscribed(granted) => {
                 let is_granted = granted.len() == self.topics.filters().len() && granted.iter().all(|it| *it);
@@ -180,6 +190,7 @@ impl Session {
 
     fn lost(&mut self, at: MonoTime) {
         self.path.lost(at);
+        self.is_connected = false;
         self.is_born = false;
         self.is_known = false;
         self.rebirth_at = None;
@@ -210,6 +221,24 @@ impl Session {
         self.count_history();
     }
 
+    /// Takes the present roles of the gateway on its lines. Among several gateways the edge node is the one that is active
+    /// on the first line that they share; the drives of other lines are its devices where it is active.
+    fn see_roles(&mut self, lines: &[LineState]) {
+        if !self.settings.standby {
+            return;
+        }
+        let first = lines.iter().find_map(|line| line.report.standby);
+        self.is_mine = first.is_some_and(|standby| standby.role == LineRole::Active);
+        let role_on = |name: &Name| lines.iter().find(|line| line.name == *name)?.report.standby.map(|it| it.role);
+        self.listens = self.drives.iter().map(|drive| role_on(&drive.line) == Some(LineRole::Listening)).collect();
+    }
+
+    /// Whether there is to be a connection: only the edge node has one.
+    #[must_use]
+    pub const fn wants_connection(&self) -> bool {
+        self.is_mine
+    }
+
     /// Advances to the present.
     pub fn tick(&mut self, at: Moment) {
         self.clock.see(at);
@@ -224,6 +253,9 @@ impl Session {
     /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if no event occurs before.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
+        if !self.is_mine {
+            return self.commands.wake();
+        }
         // Once the host is gone, nothing is sent until the connection is left.
         let may_tell = self.may_tell();
         let path = if self.is_born && may_tell { self.path.wake() } else { self.path.overdue() };
@@ -256,6 +288,11 @@ impl Session {
             return Some(act);
         }
         self.clock.see(at);
+        self.see_roles(lines);
+        if !self.is_mine {
+            return std::mem::take(&mut self.is_connected)
+                .then_some(Act::Leave("on standby: another gateway is active"));
+        }
         self.check_path(at.mono);
         if let Some(reason) = self.path.take_reconnect() {
             return Some(Act::Reconnect(reason));

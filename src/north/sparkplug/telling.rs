@@ -77,7 +77,7 @@ impl Session {
     /// The next birth or death of a device.
     fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<Act> {
         for (place, view) in (0..self.devices.len()).zip(views) {
-            let is_online = view.is_online();
+            let is_online = view.is_online() && self.listens.get(place) != Some(&true);
             let device = &mut self.devices[place];
             if is_online == device.is_born || device.is_too_large {
                 continue;

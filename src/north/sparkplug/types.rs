@@ -13,6 +13,8 @@ pub struct Settings {
     pub group: String,
     /// The edge node: the gateway's name.
     pub node: Name,
+    /// Whether it is one of several gateways that are the same edge node, one at a time.
+    pub standby: bool,
     /// The host application without which nothing is born; `None`: no host is waited for.
     pub primary_host: Option<String>,
     /// Protocol version of the connection.

@@ -25,7 +25,7 @@ use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
 use vfd_gateway::vendors;
 use wire::Wire;
 
-/// How long an adapter keeps what it has heard while more comes.
+/// How long an adapter keeps what it has heard while more comes. A pause makes it hand over what it has.
 const LATENCY: Duration = Duration::from_millis(4);
 /// How often the outputs of the drives are looked at.
 const LOOK_UP: Duration = Duration::from_millis(20);
@@ -67,6 +67,12 @@ enum Order {
 impl Hub {
     /// Plays a bus at `baud` with 8 data bits, no parity and one stop bit. All ports are plugged in.
     pub fn new(baud: u32, ends: Vec<At>) -> Self {
+        Self::holding_back(Duration::ZERO, baud, ends)
+    }
+
+    /// The same with adapters that hand over what they have heard only this often, as usual USB adapters do: frames come
+    /// in pieces with holes between them.
+    pub fn holding_back(hold_back: Duration, baud: u32, ends: Vec<At>) -> Self {
         let link = LinkSettings { baud, data_bits: 8, parity: Parity::None, stop_bits: 1 };
         let bell = Arc::new(eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC).expect("an eventfd"));
         let seen = Arc::new(Mutex::new(Seen { record: Record::new(ends.len()), outputs: Vec::new() }));
@@ -75,6 +81,8 @@ impl Hub {
             wire: Wire::new(ends.len(), link.chars(1.0)),
             ends: ends.into_iter().map(|at| End::new(at, link)).collect(),
             seen: Arc::clone(&seen),
+            hold_back,
+            hand_over_at: MonoTime::ZERO,
             orders: taken,
             bell: Arc::clone(&bell),
         };
@@ -182,6 +190,8 @@ struct Player {
     wire: Wire,
     ends: Vec<End>,
     seen: Arc<Mutex<Seen>>,
+    hold_back: Duration,
+    hand_over_at: MonoTime,
     orders: Receiver<(Order, Sender<MonoTime>)>,
     bell: Arc<OwnedFd>,
 }
@@ -208,13 +218,18 @@ impl Player {
                 look_up = now + LOOK_UP;
                 self.look_at_drives(now);
             }
-            self.hand_over();
+            if now >= self.hand_over_at {
+                self.hand_over_at = now + self.hold_back;
+                self.hand_over();
+            }
             let on_wire = self.wire.next_pause().map(|pause| pause.min(now + LATENCY));
+            let is_held = self.ends.iter().any(|end| matches!(end, End::Port { heard, .. } if !heard.is_empty()));
+            let held = is_held.then_some(self.hand_over_at);
             let dues = self.ends.iter().filter_map(|end| match end {
                 End::Drives(bus) => bus.next_due(),
                 End::Port { .. } => None,
             });
-            let wake = dues.chain(on_wire).fold(look_up, MonoTime::min);
+            let wake = dues.chain(on_wire).chain(held).fold(look_up, MonoTime::min);
             if wake > clock::now() {
                 timer.arm(wake).expect("the timer is armed");
                 self.wait(&mut timer);

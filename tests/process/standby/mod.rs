@@ -184,6 +184,26 @@ fn adapters_that_hear_themselves_make_no_rivals() {
     pair.assert_one_master();
 }
 
+/// USB adapters hand over what they have every few milliseconds, wherever a frame is then: at 9600 bit/s and 6 ms each
+/// request comes in pieces, with longer holes than the silence between frames.
+#[test]
+fn a_listener_understands_frames_that_come_in_pieces() {
+    for (baud, hold_back_ms) in [(9_600, 6), (38_400, 16)] {
+        let mut pair = Pair::with(Wish { hold_back: Duration::from_millis(hold_back_ms), ..Wish::at(baud) });
+        pair.start_one_behind_the_other();
+        pair.run(A, 1);
+        let seen = pair.hub.count();
+        pair.wait_for_requests(A, A_WHILE, seen);
+        pair.assert_silent(B, 0..);
+        pair.kill(A);
+        let seen = pair.hub.count();
+        pair.wait_for_stop(B, seen);
+        pair.wait_until_it_stands(1);
+        pair.assert_only_stopped_by(B, seen);
+        pair.assert_one_master();
+    }
+}
+
 #[test]
 fn where_no_drive_answers_there_is_one_master_at_a_time() {
     let mut pair = Pair::with(Wish { drives_are_off: true, ..Wish::at(9_600) });

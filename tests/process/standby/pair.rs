@@ -42,6 +42,8 @@ pub struct Wish<'a> {
     pub write: &'a str,
     /// Both adapters hear themselves.
     pub echoes: bool,
+    /// How long the adapters hold back what they hear.
+    pub hold_back: Duration,
     /// The drives have no power.
     pub drives_are_off: bool,
 }
@@ -50,7 +52,7 @@ impl Wish<'_> {
     /// The usual pair at `baud`.
     pub const fn at(baud: u32) -> Self {
         let listen = ["127.0.0.1:0"; 2];
-        Self { baud, listen, write: "127.0.0.1/32", echoes: false, drives_are_off: false }
+        Self { baud, listen, write: "127.0.0.1/32", echoes: false, hold_back: Duration::ZERO, drives_are_off: false }
     }
 }
 
@@ -89,7 +91,7 @@ impl Pair {
         let drives = At::Drives(if wish.drives_are_off { &[] } else { &[1, 2] });
         // At the last end a test may speak itself.
         let ends = vec![port("line-a"), drives, port("line-b"), At::Port(place.file("foreign"))];
-        let hub = Hub::new(baud, ends);
+        let hub = Hub::holding_back(wish.hold_back, baud, ends);
         let echo = if echoes { "echo = \"strip\"\n" } else { "" };
         let halves = [(A, "a", "b", 0), (B, "b", "a", 1)].map(|(end, name, partner, rank)| {
             let data = place.file(&format!("data-{name}"));

@@ -3,6 +3,7 @@
 use super::events::event;
 use super::source::{Source, documents, shown};
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::north::finding::{Finding, ranked};
@@ -23,6 +24,8 @@ pub struct LastState {
 #[derive(Debug)]
 struct SentDrive {
     view: Arc<DriveView>,
+    /// The gateway's role on its line at that time.
+    role: Option<LineRole>,
     /// When it has to be sent again although the view is the same.
     changes_at: MonoTime,
     advice: Vec<Finding>,
@@ -32,10 +35,11 @@ struct SentDrive {
 
 impl SentDrive {
     fn now(source: &Source<'_>, line: &SharedLine, drive: &SharedDrive, view: Arc<DriveView>) -> Self {
+        let role = drive.role.get();
         let changes_at = shown(line, drive, &view).changes_at(source.present.now);
         let advice = source.drive_advice(line, drive, &view);
         let document = source.drive(line, drive, &view);
-        Self { view, changes_at, advice, document }
+        Self { view, role, changes_at, advice, document }
     }
 }
 
@@ -97,7 +101,8 @@ impl LastState {
     fn drive_news(&mut self, source: &Source<'_>, events: &mut String) -> DriveNews {
         let mut news = DriveNews::default();
         for ((line, drive, view), told) in source.drives().zip(&mut self.drives) {
-            if Arc::ptr_eq(&view, &told.view) && source.present.now < told.changes_at {
+            let is_same = Arc::ptr_eq(&view, &told.view) && drive.role.get() == told.role;
+            if is_same && source.present.now < told.changes_at {
                 continue;
             }
             for trip in trips::between(&source.present, &drive.description, &told.view, &view) {

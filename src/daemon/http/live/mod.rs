@@ -123,7 +123,7 @@ impl LiveState {
             let views: Vec<_> = shared.drives.iter().map(|drive| drive.view.load_full()).collect();
             let drives = || {
                 let both = shared.drives.iter().zip(&views);
-                both.map(|(drive, view)| Drive { description: &drive.description, view, station: None })
+                both.map(|(drive, view)| Drive { description: &drive.description, view, station: None, standby: None })
             };
             self.trends.note(now, drives());
             if let Some(kept) = &live.state.trends {

@@ -112,7 +112,7 @@ impl Source<'_> {
 /// `drive`, on `line`, with this view.
 pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView) -> Drive<'d> {
     let station = line.wiring.stations.get(drive.description.place.drive.get()).copied();
-    Drive { description: &drive.description, view, station }
+    Drive { description: &drive.description, view, station, standby: drive.role.get() }
 }
 
 /// Each as a document.

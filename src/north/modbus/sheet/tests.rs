@@ -55,7 +55,7 @@ fn asked(unit: &Uniform, view: &DriveView, function: u8, address: u16, count: u1
     connection.receive(NOW, &request, &|_: u8, _: &Ask| false);
     let call = connection.next_call().unwrap();
     let mut words = Words::default();
-    let present = Present { now: NOW, uptime_s: 3, owner: Owner::Mqtt };
+    let present = Present { now: NOW, uptime_s: 3, owner: Owner::Mqtt, standby: None };
     let taken: Taken = unit.take(&call.ask, view, &present, &mut words);
     taken.at_once(&words, |answer| connection.answer(NOW, call.ticket, answer)).unwrap();
     let answer = mbap::decode(connection.output()).unwrap().unwrap();
@@ -146,7 +146,7 @@ fn bits_read_as_the_sheet_says() {
         let last = of_table.iter().map(|row| row.address + row.count).max().unwrap();
         assert_eq!(of_table.iter().map(|row| row.count).sum::<u16>(), last);
         let mut words = Words::default();
-        let present = Present { now: NOW, uptime_s: 3, owner: Owner::Mqtt };
+        let present = Present { now: NOW, uptime_s: 3, owner: Owner::Mqtt, standby: None };
         for (count, is_there) in [(last, true), (last + 1, false)] {
             let ask = super::super::request::parse(&[function, 0, 0, 0, count as u8]).unwrap();
             let taken = unit.take(&ask, &view, &present, &mut words);

@@ -140,7 +140,7 @@ impl Uniform {
     /// Coils read back the ordered direction; those for RESET and STOP act at once and read 0.
     fn read_bits(&self, table: BitTable, address: u16, count: u16, view: &DriveView, present: &Present) -> Taken {
         let (bits, there) = match table {
-            BitTable::Discrete => (status::status(&self.sources, view, present.now), STATUS_BITS),
+            BitTable::Discrete => (status::status(&self.sources, view, present), STATUS_BITS),
             BitTable::Coils => (self.coils(view), address::COILS),
         };
         if last(address, count) >= there {

@@ -1,8 +1,10 @@
 //! The uniform words that are made of bits, and which of their bits a model can report.
 
+use super::super::taken::Present;
 use super::Sources;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
@@ -21,7 +23,7 @@ pub mod bit {
     pub const TRIPPED: u16 = 1 << 3;
     /// It runs, and the output frequency is within 0.1 Hz of the setting; both are fresh.
     pub const AT_SETPOINT: u16 = 1 << 4;
-    /// It is online, has a control section, and is not known to obey another source.
+    /// It is online, has a control section, is not known to obey another source, and this gateway may send.
     pub const ACCEPTS: u16 = 1 << 5;
     /// A command is under way, or a stop is not effective yet.
     pub const PENDING: u16 = 1 << 6;
@@ -37,6 +39,8 @@ pub mod bit {
     pub const ALARM: u16 = 1 << 11;
     /// The drive shows a warning, by its number or a bit.
     pub const WARNING: u16 = 1 << 12;
+    /// This gateway only listens on the drive's line: another one is active, or may be.
+    pub const STANDBY: u16 = 1 << 13;
 }
 
 /// Alarm bits: uniform word 17.
@@ -80,7 +84,9 @@ pub(super) fn is_tripped(view: &DriveView) -> Option<bool> {
 }
 
 /// Uniform word 1.
-pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 {
+pub(super) fn status(sources: &Sources, view: &DriveView, present: &Present) -> u16 {
+    let now = present.now;
+    let listens = present.standby == Some(LineRole::Listening);
     let state = run_state(view);
     let control = view.control.as_ref().filter(|_| sources.has_control);
     let is_local = view.is_online() && view.status.is_local() == Some(true);
@@ -91,7 +97,7 @@ pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
         (state == RunState::Reverse, bit::REVERSE),
         (is_tripped(view) == Some(true), bit::TRIPPED),
         (state.is_running() && sources.is_at_setpoint(view, now), bit::AT_SETPOINT),
-        (view.is_online() && sources.has_control && !is_local, bit::ACCEPTS),
+        (view.is_online() && sources.has_control && !is_local && !listens, bit::ACCEPTS),
         (control.is_some_and(|control| control.command_pending || control.stop_pending), bit::PENDING),
         (is_leased, bit::LEASED),
         (sources.is_stale(view, now), bit::STALE),
@@ -99,6 +105,7 @@ pub(super) fn status(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
         (is_local, bit::LOCAL),
         (view.is_online() && view.status.alarm == Some(true), bit::ALARM),
         (view.is_online() && sources.warns(view, now), bit::WARNING),
+        (listens, bit::STANDBY),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
@@ -123,7 +130,7 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 ///
 /// Online always; stale if anything is polled; running if the output frequency or a status word is; at setpoint if the
 /// setting is as well; tripped if the trips are shown or counted; local and alarm if a status word shows them; warning
-/// if a polled register does; reverse if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
+/// if a polled register does; standby on a line with several gateways (added when it is read); reverse if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
 /// what was ordered; and with control accepts, pending, leased and inhibited.
 pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
     let has_flag = |flag| drive.model.status_flag(flag).is_some();

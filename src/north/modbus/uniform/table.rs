@@ -191,7 +191,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     .where_it_has(Has::Polled),
     state(13, "trips that are kept", TRIPS, Uniform::trips_kept).where_it_has(Has::Trips),
     state(14, "code of the last of them", TRIP, Uniform::last_trip).where_it_has(Has::Trips),
-    state(15, "status bits that this drive can report", Holds::Codes("mask of word 1"), |unit, _| unit.reported),
+    state(15, "status bits that this drive can report", Holds::Codes("mask of word 1"), Uniform::status_mask),
     state(16, "life counter, wraps", SECONDS, |_, look| life(look.present)),
     state(17, "alarms", ALARMS, |unit, look| status::alarms(&unit.sources, look.view, look.present.now)),
     state(18, "lease left", SECONDS, Uniform::lease_left),

@@ -6,6 +6,7 @@ use super::*;
 use crate::domain::command::{Direction, Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::ControlAction;
 use crate::domain::ids::CommanderName;
+use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, KeptTrips, RunState, TripRecord};
@@ -16,7 +17,7 @@ const CLIENT: Owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1)));
 const OTHER: Owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, 2)));
 
 fn present(now: MonoTime) -> Present {
-    Present { now, uptime_s: 0x0001_0007, owner: CLIENT }
+    Present { now, uptime_s: 0x0001_0007, owner: CLIENT, standby: None }
 }
 
 fn unit() -> Uniform {
@@ -57,6 +58,25 @@ fn a_fresh_picture_has_every_word() {
         0, 0, 0, 0, 0,
     ];
     assert_eq!(picture(&unit(), &testing::view(), NOW), right);
+}
+
+#[test]
+fn a_listener_shows_what_it_hears_and_says_that_it_listens() {
+    let read = |standby, pdu: &[u8]| {
+        let mut words = Words::default();
+        let present = Present { standby, ..present(NOW) };
+        let taken = unit().take(&parse(pdu).unwrap(), &testing::view(), &present, &mut words);
+        (taken, words.as_slice().to_vec())
+    };
+    for (standby, status, mask) in [
+        (None, 0b0011_0011, 0b11_1111_1111),
+        (Some(LineRole::Active), 0b0011_0011, 0b10_0011_1111_1111),
+        (Some(LineRole::Listening), 0b10_0000_0001_0011, 0b10_0011_1111_1111),
+    ] {
+        let (_, words) = read(standby, &[4, 0, 0, 0, 16]);
+        assert_eq!((words[1], words[4], words[15]), (status, 4250, mask), "{standby:?}");
+        assert_eq!(read(standby, &[2, 0, 13, 0, 1]).0, Taken::Bits { bits: status >> 13, count: 1 });
+    }
 }
 
 #[test]
@@ -371,7 +391,7 @@ fn a_write_that_orders_nothing_is_done_at_once() {
 
 #[test]
 fn what_the_drive_has_used_stands_in_two_words_each() {
-    let (unit, present) = (unit(), Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt });
+    let (unit, present) = (unit(), Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt, standby: None });
     let words =
         |view: &DriveView| (32..40).map(|address| unit.word(address, view, &present).unwrap()).collect::<Vec<_>>();
     assert_eq!(words(&testing::view()), [1, 0x1170, 0, 15, 1, 0x1170, 0, 2]);

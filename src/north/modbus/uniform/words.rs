@@ -40,7 +40,12 @@ impl Uniform {
 
     /// Word 1.
     pub(super) fn status_word(&self, look: &Look<'_>) -> u16 {
-        status::status(&self.sources, look.view, look.present.now)
+        status::status(&self.sources, look.view, look.present)
+    }
+
+    /// Word 15.
+    pub(super) fn status_mask(&self, look: &Look<'_>) -> u16 {
+        self.reported | look.present.standby.map_or(0, |_| status::bit::STANDBY)
     }
 
     /// Word 256.

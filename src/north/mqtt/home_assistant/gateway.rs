@@ -17,12 +17,17 @@ pub(super) fn entities(topics: &Topics, lines: &[Name]) -> Vec<Entity> {
     own.into_iter().chain(lines.iter().flat_map(|name| line(topics, name))).collect()
 }
 
-fn line(topics: &Topics, name: &Name) -> [Entity; 2] {
+fn line(topics: &Topics, name: &Name) -> Vec<Entity> {
     let topic = || topics.line(name.as_str(), "status");
     let entity = |component, key, title: String| {
         Entity::new(component, ids::of_line(name, key), title, Needs::Gateway).diagnostic()
     };
     let up = entity(Component::BinarySensor, "up", format!("Line {name}"));
     let status = entity(Component::Sensor, "status", format!("Line {name} status"));
-    [up.made_of(topic(), IS_UP).words("True", "False").class("connectivity"), status.telling(topic())]
+    let active = topics.half().map(|_| {
+        let active = entity(Component::Sensor, "active", format!("Line {name} active gateway"));
+        active.telling(topics.line(name.as_str(), "active"))
+    });
+    let up = up.made_of(topic(), IS_UP).words("True", "False").class("connectivity");
+    [up, status.telling(topic())].into_iter().chain(active).collect()
 }

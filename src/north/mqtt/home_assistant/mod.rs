@@ -83,6 +83,11 @@ impl Discovery {
         self.told = None;
     }
 
+    /// Whether it is announcing, or waits to.
+    pub(super) const fn is_open(&self) -> bool {
+        self.way.is_some()
+    }
+
     /// The connection is lost: everything is announced on the next one.
     pub(super) fn lost(&mut self) {
         self.way = None;

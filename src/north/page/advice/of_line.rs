@@ -2,6 +2,7 @@
 
 use super::Advice;
 use crate::domain::report::{LineFault, LineState};
+use crate::domain::standby::LineRole;
 use crate::north::finding::{Finding, Sign, down_reason, over_full, suspended, suspicion};
 use crate::north::page::line::Line;
 use crate::north::texts::Sentence;
@@ -26,6 +27,15 @@ impl Line<'_> {
             said.say(Sign::Suspended, suspended(bad));
         } else if bad > 0 {
             said.say(Sign::BadExchanges, Sentence::new("finding.bad_exchanges").with("bad", u64::from(bad)));
+        }
+        if let Some(standby) = report.standby {
+            let is_deaf = report.state == LineState::Down;
+            if standby.role == LineRole::Listening && !standby.hears_other && !is_deaf {
+                said.say(Sign::NoGatewayActive, Sentence::new("finding.no_gateway_active"));
+            }
+            if standby.rivals > 0 {
+                said.say(Sign::RivalOnLine, Sentence::new("finding.rival_on_line").with("times", standby.rivals));
+            }
         }
         if report.planned_use_per_mille > 1000 {
             said.say(Sign::OverFull, over_full(report.planned_use_per_mille));

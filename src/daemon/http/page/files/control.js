@@ -69,10 +69,11 @@ export class Controls {
     return value >= this.control.min_hz && value <= this.control.max_hz ? value : null;
   }
 
-  update({ control, trip, presence, group }, is_live) {
+  update({ control, trip, presence, group, standby }, is_live) {
     this.control = control;
     this.may_be_tripped = trip?.active === true || (trip?.active !== false && presence === "online");
-    this.is_live = is_live;
+    // A stop goes to the line, which decides.
+    this.is_live = is_live && standby !== "listening";
     const is_from_page = control?.from?.includes("page") === true;
     show(this.stops, is_from_page && session.may_stop());
     show(this.element, is_from_page && session.may_command(group ?? null));

@@ -246,9 +246,10 @@ class Card {
     show(this.before, true);
   }
 
-  draw_marks({ presence, status, control, watchdog, trip, warning }) {
+  draw_marks({ presence, status, control, watchdog, trip, warning, standby }) {
     const marks = [
       [presence === "offline", "bad", t("mark.offline")],
+      [standby === "listening", "info", t("mark.standby")],
       [control?.not_effective, "bad", t("mark.not_effective")],
       [control?.failsafe, "bad", t("mark.failsafe")],
       [control?.stop_pending, "bad", t("mark.stop_pending")],

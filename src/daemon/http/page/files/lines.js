@@ -60,7 +60,8 @@ class Line {
     const is_up = state === "up";
     attribute(this.element, "data-state", is_up ? (line.is_suspended ? "suspended" : "up") : "down");
     reshape(this.shape, is_up ? "good" : "problem");
-    text(this.state, is_up ? words("up") : `${words("down")}${reason ? `: ${reason}` : ""}`);
+    const standby = line.standby ? ` · ${t("line.standby")}: ${words(line.standby.role)}` : "";
+    text(this.state, `${is_up ? words("up") : `${words("down")}${reason ? `: ${reason}` : ""}`}${standby}`);
     const link = [line.link, String(line.framing ?? "").toUpperCase()].filter(Boolean).join(" ");
     text(this.about, `${line.port} · ${link} · ${t("drives", { count: line.drives?.length ?? 0 })}`);
     const use = line.use_per_cent;

@@ -1,0 +1,21 @@
+//! The time in which the talk wants no connection.
+
+use super::{Client, Outcome, Protocol};
+use std::future::poll_fn;
+use std::pin::{Pin, pin};
+use std::task::Poll;
+
+impl<T: Protocol> Client<'_, T> {
+    /// Waits until the talk wants a connection. Returns whether the conversation is to stop instead.
+    pub(super) async fn stops_unwanted<S: Future<Output = ()>>(&mut self, stop: Pin<&mut S>) -> bool {
+        let talk = self.talk;
+        let is_wanted = || talk.borrow().wants_connection();
+        if is_wanted() {
+            return false;
+        }
+        talk.borrow_mut().lost("on standby: another gateway is active");
+        // It is looked at whenever something has changed, and several times a second.
+        let wanted = pin!(poll_fn(|_| if is_wanted() { Poll::Ready(()) } else { Poll::Pending }));
+        matches!(self.attend(wanted, None, stop).await, Outcome::Stopped)
+    }
+}

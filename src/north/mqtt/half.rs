@@ -1,0 +1,271 @@
+//! One of several gateways with the same name and drives: for which lines it speaks, what it tells of itself, and what
+//! it knows of the others.
+//!
+//! On a line with several gateways the active one speaks. A listener publishes nothing of the line and its drives, and
+//! leaves commands to the other.
+
+use super::slot::{Content, Present, Slot, retained};
+use super::topics::Topics;
+use crate::domain::ids::Name;
+use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
+use crate::domain::time::MonoTime;
+use crate::north::broker::{LineState, Publication, Qos};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// How long after it has taken a line over a gateway waits with trip events of its drives: what the one before it has
+/// told arrives first.
+pub(super) const SETTLES_WITHIN: Duration = Duration::from_secs(1);
+/// After this time without a sign of life another gateway that was missed is told as offline.
+const MISSED_AFTER: Duration = Duration::from_secs(5);
+/// Most other gateways that are known.
+const OTHERS_MAX: usize = 8;
+
+/// A line as this gateway takes part in it.
+#[derive(Debug)]
+struct Line {
+    name: Name,
+    /// `None` before the line was seen; inside it `None` for a line without another gateway.
+    seen: Option<Option<StandbyReport>>,
+    /// When this gateway became active there.
+    active_since: Option<MonoTime>,
+}
+
+/// Another gateway of the same name, by its own words.
+#[derive(Debug, Default)]
+struct Other {
+    /// The lines on which it is active; none if it is offline.
+    active_on: Vec<String>,
+    is_online: bool,
+    /// It was heard since one of the others went offline.
+    is_there: bool,
+}
+
+impl Other {
+    const fn is_active(&self) -> bool {
+        self.is_there && !self.active_on.is_empty()
+    }
+}
+
+/// Which of several gateways this one is.
+#[derive(Debug)]
+pub(super) struct Half {
+    pair: Option<StandbyPair>,
+    lines: Vec<Line>,
+    /// The line of each drive.
+    drives: Vec<Option<usize>>,
+    document: Slot,
+    others: BTreeMap<String, Other>,
+    /// When those that were not heard since are told as offline.
+    missed_at: Option<MonoTime>,
+    /// Documents of others that are to be replaced.
+    gone: Vec<String>,
+    /// The present.
+    now: MonoTime,
+}
+
+impl Half {
+    pub(super) fn new(pair: Option<StandbyPair>, topics: &Topics) -> Self {
+        let topic = pair.as_ref().map(|pair| topics.standby(pair.half.as_str())).unwrap_or_default();
+        let document = Slot::new(topic);
+        let others = BTreeMap::new();
+        let (lines, drives, gone) = (Vec::new(), Vec::new(), Vec::new());
+        Self { pair, lines, drives, document, others, missed_at: None, gone, now: MonoTime::ZERO }
+    }
+
+    /// Has these lines from now on, and drives on `of_drives`. Lines that stay keep their role.
+    pub(super) fn replace(&mut self, lines: &[Name], of_drives: impl Iterator<Item = Name>) {
+        let mut before = std::mem::take(&mut self.lines);
+        let line = |name: &Name| {
+            let same = before.iter().position(|it| it.name == *name).map(|place| before.swap_remove(place));
+            same.unwrap_or_else(|| Line { name: name.clone(), seen: None, active_since: None })
+        };
+        self.lines = lines.iter().map(line).collect();
+        self.drives = of_drives.map(|name| lines.iter().position(|it| *it == name)).collect();
+    }
+
+    /// Which one it is; `None` if it is the only one.
+    pub(super) const fn pair(&self) -> Option<&StandbyPair> {
+        self.pair.as_ref()
+    }
+
+    /// Takes the present roles, in the order of the lines. Returns whether this gateway speaks for others than before.
+    pub(super) fn see(&mut self, at: MonoTime, lines: &[LineState]) -> bool {
+        self.now = at;
+        let has_pair = self.pair.is_some();
+        let mut has_changed = false;
+        for (line, state) in self.lines.iter_mut().zip(lines) {
+            let did_speak = speaks(line, has_pair);
+            line.seen = Some(state.report.standby);
+            let does_speak = speaks(line, has_pair);
+            if did_speak != does_speak {
+                has_changed = true;
+                line.active_since = does_speak.then_some(at);
+            }
+        }
+        has_changed
+    }
+
+    /// When the roles were last seen.
+    pub(super) const fn now(&self) -> MonoTime {
+        self.now
+    }
+
+    /// Whether it speaks for each line, and for each drive.
+    pub(super) fn speaks(&self) -> (Vec<bool>, Vec<bool>) {
+        let lines = (0..self.lines.len()).map(|line| self.speaks_for_line(line)).collect();
+        (lines, (0..self.drives.len()).map(|drive| self.speaks_for(drive)).collect())
+    }
+
+    fn speaks_for_line(&self, line: usize) -> bool {
+        self.lines.get(line).map_or(self.pair.is_none(), |line| speaks(line, self.pair.is_some()))
+    }
+
+    /// Whether it speaks for the drive at this place.
+    pub(super) fn speaks_for(&self, drive: usize) -> bool {
+        let line = self.drives.get(drive).copied().flatten();
+        line.map_or(self.pair.is_none(), |line| self.speaks_for_line(line))
+    }
+
+    /// Whether a command for the drive at this place is for this gateway. A stop is, while another is not heard on the
+    /// line: the line decides.
+    pub(super) fn may_take(&self, drive: usize, is_a_stop: bool) -> bool {
+        let is_alone = || {
+            let line = self.drives.get(drive).copied().flatten().and_then(|line| self.lines.get(line));
+            line.and_then(|line| line.seen.flatten()).is_some_and(|report| !report.hears_other)
+        };
+        self.speaks_for(drive) || is_a_stop && is_alone()
+    }
+
+    /// Whether trip events of the drive at this place may be told.
+    pub(super) fn may_tell(&self, at: MonoTime, drive: usize) -> bool {
+        self.speaks_for(drive) && self.settles_at(drive).is_none_or(|settles_at| at >= settles_at)
+    }
+
+    fn settles_at(&self, drive: usize) -> Option<MonoTime> {
+        self.pair.as_ref()?;
+        let line = self.lines.get(self.drives.get(drive).copied().flatten()?)?;
+        Some(line.active_since? + SETTLES_WITHIN)
+    }
+
+    /// Whether it speaks for any line: then it tells that the gateway is online.
+    pub(super) fn speaks_at_all(&self) -> bool {
+        self.pair.is_none() || (0..self.lines.len()).any(|line| self.speaks_for_line(line))
+    }
+
+    /// Whether it speaks for what concerns no single line: the first one by name among those that are active.
+    pub(super) fn leads(&self) -> bool {
+        let Some(pair) = &self.pair else { return true };
+        let is_before = |(name, other): (&String, &Other)| other.is_active() && name.as_str() < pair.half.as_str();
+        self.speaks_at_all() && !self.others.iter().any(is_before)
+    }
+
+    /// Whether another one is active, by its own words.
+    pub(super) fn is_another_active(&self) -> bool {
+        self.others.values().any(Other::is_active)
+    }
+
+    /// Takes the document of one of them. Returns whether one that was active is so no longer: what it published last
+    /// may have arrived late.
+    pub(super) fn heard(&mut self, half: &str, payload: &[u8]) -> bool {
+        let Some(pair) = &self.pair else { return false };
+        let document: Value = serde_json::from_slice(payload).unwrap_or_default();
+        let is_online = document.get("online").and_then(Value::as_bool) == Some(true);
+        if half == pair.half.as_str() {
+            if !is_online {
+                self.document.forget();
+            }
+            return false;
+        }
+        if self.others.len() >= OTHERS_MAX && !self.others.contains_key(half) || Name::new(half).is_none() {
+            return false;
+        }
+        let other = self.others.entry(half.to_owned()).or_default();
+        let lines = document.get("lines").and_then(Value::as_array).filter(|_| is_online);
+        let active = |line: &Value| {
+            let is_active = line.get("role")?.as_str()? == LineRole::Active.word();
+            line.get("name").and_then(Value::as_str).filter(|_| is_active).map(str::to_owned)
+        };
+        let active_on: Vec<_> = lines.into_iter().flatten().filter_map(active).collect();
+        let is_less = other.active_on.iter().any(|line| !active_on.contains(line));
+        *other = Other { active_on, is_online, is_there: true };
+        is_less
+    }
+
+    /// The gateway was told as offline: not by this one, so it or another died or left. All that are there say so.
+    pub(super) fn told_offline(&mut self, at: MonoTime) {
+        self.document.forget();
+        for other in self.others.values_mut() {
+            other.is_there = false;
+        }
+        self.missed_at = Some(at + MISSED_AFTER);
+    }
+
+    /// The next publication about this gateway and the others; none without others.
+    pub(super) fn next(&mut self, now: &Present, topics: &Topics) -> Option<Publication> {
+        self.pair.as_ref()?;
+        if self.missed_at.take_if(|missed_at| now.at >= *missed_at).is_some() {
+            let missed = |(name, it): (&String, &Other)| (it.is_online && !it.is_there).then(|| name.clone());
+            self.gone = self.others.iter().filter_map(missed).collect();
+        }
+        if let Some(half) = self.gone.pop() {
+            self.others.remove(&half);
+            let payload = json!({ "half": half, "online": false, "lines": [] }).to_string().into_bytes();
+            return Some(retained(now, topics.standby(&half), payload, Qos::AtLeastOnce));
+        }
+        let text = self.text(true);
+        let payload = text.clone().into_bytes();
+        self.document.offer(now, Content::Text(text.into()), |_, _| true)?;
+        Some(self.document.publication(now, payload, Qos::AtLeastOnce))
+    }
+
+    /// What it publishes on an orderly end; `None` without others.
+    pub(super) fn farewell(&self, now: &Present) -> Option<Publication> {
+        self.pair.as_ref()?;
+        Some(self.document.publication(now, self.text(false).into_bytes(), Qos::AtLeastOnce))
+    }
+
+    fn text(&self, is_online: bool) -> String {
+        let half = self.pair.as_ref().map(|pair| pair.half.as_str());
+        let partner = self.pair.as_ref().map(|pair| pair.partner.as_str());
+        let of_line = |line: &Line| {
+            let StandbyReport { role, take_overs, given_up, rivals, hears_other } = line.seen.flatten()?;
+            Some(json!({
+                "name": line.name.as_str(),
+                "role": role.word(),
+                "take_overs": take_overs,
+                "given_up": given_up,
+                "rivals": rivals,
+                "hears_other": hears_other,
+            }))
+        };
+        let lines: Vec<_> = self.lines.iter().filter(|_| is_online).filter_map(of_line).collect();
+        json!({ "half": half, "partner": partner, "online": is_online, "lines": lines }).to_string()
+    }
+
+    /// The connection is lost. The next one brings what the others have told meanwhile.
+    pub(super) fn lost(&mut self) {
+        self.document.forget();
+        self.others.clear();
+        self.gone.clear();
+        self.missed_at = None;
+    }
+
+    /// When something may be due although nothing happens.
+    pub(super) fn wake(&self, heartbeat: Duration) -> Option<MonoTime> {
+        self.pair.as_ref()?;
+        let settles = self.lines.iter().filter_map(|line| Some(line.active_since? + SETTLES_WITHIN));
+        let settles = settles.filter(|settles_at| *settles_at > self.now);
+        let document = Some(self.document.due(heartbeat)).filter(|due| *due != MonoTime::NEVER);
+        settles.chain(document).chain(self.missed_at).min()
+    }
+}
+
+fn speaks(line: &Line, has_pair: bool) -> bool {
+    match line.seen {
+        Some(Some(report)) => report.role == LineRole::Active,
+        Some(None) => true,
+        None => !has_pair,
+    }
+}

@@ -1,0 +1,136 @@
+//! The session as one of several gateways of the same name: they hear what each tells, and what both have seen is told
+//! once.
+
+use super::session::Session;
+use super::slot::Present;
+use super::telemetry::Spoken;
+use super::told::Mark;
+use super::topics::Told;
+use crate::domain::command::{Outcome, Reason, Report};
+use crate::domain::time::MonoTime;
+use crate::north::broker::{LineState, Message, Pending, Publication, Request, Version};
+use crate::north::clock::Moment;
+use serde_json::{Map, Value};
+
+impl Session {
+    /// Whether it is one of several gateways of its name.
+    #[must_use]
+    pub const fn has_partner(&self) -> bool {
+        self.half.pair().is_some()
+    }
+
+    /// Takes the present roles of the gateway on its lines, in their order. To be called before a message is handled;
+    /// [`next_act`](Self::next_act) does it itself.
+    pub fn see_roles(&mut self, at: Moment, lines: &[LineState]) {
+        if self.half.see(at.mono, lines) {
+            self.speak(at.mono);
+        }
+    }
+
+    /// Speaks for its lines and drives as they are, and for the whole.
+    pub(super) fn speak(&mut self, at: MonoTime) {
+        if self.half.pair().is_none() {
+            return;
+        }
+        let (lines, drives) = self.half.speaks();
+        let (is_led, is_silent) = (!self.half.leads(), !self.half.speaks_at_all());
+        self.telemetry.speak(Spoken { is_led, is_silent, lines: Some(lines), drives: Some(drives) });
+        self.announce(at);
+    }
+
+    /// Announces to Home Assistant from now on, if it is for this gateway to do so; else no longer.
+    pub(super) fn announce(&mut self, at: MonoTime) {
+        let is_mine = self.path.is_open() && self.settings.home_assistant.is_some() && self.half.leads();
+        if is_mine && !self.discovery.is_open() {
+            self.discovery.opened(at);
+        } else if !is_mine {
+            self.discovery.lost();
+        }
+    }
+
+    /// Takes what this or another gateway of the name has told.
+    pub(super) fn hear(&mut self, at: MonoTime, told: Told<'_>, message: &Message<'_>) {
+        match told {
+            Told::Status => {
+                if message.payload == b"offline" {
+                    self.half.told_offline(at);
+                    self.telemetry.forget_status();
+                    self.speak(at);
+                }
+            }
+            Told::Standby(half) => {
+                if self.half.heard(half, message.payload) {
+                    self.telemetry.forget_lines();
+                }
+                self.speak(at);
+            }
+            Told::Event(drive) => self.hear_event(at, drive, message.payload),
+            Told::Last(drive) => self.hear_last(drive, message.payload),
+        }
+        self.count_events();
+    }
+
+    fn hear_event(&mut self, at: MonoTime, drive: &str, payload: &[u8]) {
+        let Ok(body) = serde_json::from_slice::<Map<String, Value>>(payload) else { return };
+        let session = body.get("session").and_then(Value::as_str).unwrap_or_default();
+        let is_ours = session == self.run || self.stored.is_ours(session);
+        if is_ours || !self.drives.iter().any(|it| it.name.as_str() == drive) {
+            return;
+        }
+        let mark = Mark::of(drive, &body);
+        let is_it = |own: &Mark| own.is_same(&mark);
+        if !self.events.drop_told(is_it) && !self.stored.drop_told(is_it) {
+            self.told.remember(at, mark);
+        }
+    }
+
+    /// What the broker has retained when this gateway connects. Later its events are heard themselves.
+    fn hear_last(&mut self, drive: &str, payload: &[u8]) {
+        if self.path.is_open() || !self.drives.iter().any(|it| it.name.as_str() == drive) {
+            return;
+        }
+        let Ok(record) = serde_json::from_slice::<Map<String, Value>>(payload) else { return };
+        let told = &mut self.told;
+        told.remember_last(drive, record);
+        if !self.events.drop_told(|own| told.take_last(own)) {
+            self.stored.drop_told(|own| told.take_last(own));
+        }
+    }
+
+    /// Whether the event with this mark may be told now.
+    pub(super) fn may_tell(&self, at: MonoTime, mark: &Mark) -> bool {
+        if self.half.pair().is_none() {
+            return true;
+        }
+        let drive = self.drives.iter().position(|it| it.name.as_str() == mark.drive());
+        drive.map_or_else(|| self.half.leads(), |drive| self.half.may_tell(at, drive))
+    }
+
+    /// Whether `report` only says that another gateway is active, which answers itself.
+    pub(super) fn is_left_to_another<C>(&self, pending: &Pending<C>, report: Report) -> bool {
+        let is_untried = matches!(pending.request, Request::Read(_)) || report.outcome == Outcome::Refused;
+        self.half.pair().is_some() && report.reason == Reason::Standby && is_untried
+    }
+
+    /// The next publication about this gateway as one of several.
+    pub(super) fn next_of_standby(&mut self, at: MonoTime) -> Option<Publication> {
+        let now = self.present(at);
+        self.half.next(&now, &self.topics)
+    }
+
+    fn present(&self, at: MonoTime) -> Present {
+        let expires = self.settings.version == Version::V5;
+        Present { at, clock: self.clock, heartbeat: self.settings.heartbeat, expires }
+    }
+
+    /// What one of several gateways publishes on an orderly end: it takes back what it speaks for. That the gateway is
+    /// offline is not said while another one is active.
+    pub(super) fn farewell_as_half(&self, at: MonoTime) -> Vec<Publication> {
+        let goodbye = super::session::goodbye;
+        let spoken = self.drives.iter().enumerate().filter(|(drive, _)| self.half.speaks_for(*drive));
+        let drives = spoken.map(|(_, drive)| goodbye(self.topics.drive(drive.name.as_str(), "availability")));
+        let is_last = self.half.speaks_at_all() || !self.half.is_another_active();
+        let status = is_last.then(|| goodbye(self.topics.gateway("status")));
+        drives.chain(self.half.farewell(&self.present(at))).chain(status).collect()
+    }
+}

@@ -1,0 +1,166 @@
+//! Trip events that another gateway of the same name tells: what both have seen is told once.
+//!
+//! Each gateway numbers its events itself, and their clocks need not agree. The same event is known by its drive, its
+//! kind, and the drive's own count and code. Repeats of a trip are told apart by their order: each event that is heard
+//! stands for one of our own.
+
+use crate::domain::time::MonoTime;
+use serde_json::{Map, Value};
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+/// Most events that are remembered until this gateway has seen them itself, and most drives with a last trip.
+const HEARD_MAX: usize = 256;
+/// How long an event is remembered. What was not seen here by then was not seen here at all.
+const HEARD_FOR: Duration = Duration::from_secs(60);
+
+/// What tells an event from others of the same drive.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Mark {
+    drive: String,
+    kind: String,
+    count: Value,
+    code: Value,
+    values: Value,
+}
+
+impl Mark {
+    /// That of an event with this body. A body without one is like no other.
+    pub(super) fn of(drive: &str, body: &Map<String, Value>) -> Self {
+        let value = |key: &str| body.get(key).cloned().unwrap_or_default();
+        let kind = value("kind").as_str().unwrap_or_default().to_owned();
+        let values = value("values");
+        Self { drive: drive.to_owned(), kind, count: value("count"), code: value("code"), values }
+    }
+
+    /// The drive.
+    pub(super) fn drive(&self) -> &str {
+        &self.drive
+    }
+
+    /// Whether both gateways mean the same event.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        let is_known = !self.drive.is_empty() && !self.kind.is_empty();
+        let agree = |one: &Value, other: &Value| one.is_null() || other.is_null() || one == other;
+        is_known
+            && (&self.drive, &self.kind) == (&other.drive, &other.kind)
+            && agree(&self.count, &other.count)
+            && agree(&self.code, &other.code)
+    }
+
+    /// Whether the retained `last` record of the drive is of this trip.
+    fn is_last(&self, last: &Map<String, Value>) -> bool {
+        let is_the_values =
+            |values: &Value| self.values == *values || self.values.as_object().is_none_or(Map::is_empty);
+        let code = last.get("code");
+        self.kind == "tripped"
+            && code.is_some_and(|code| self.code.is_null() || self.code == *code)
+            && last.get("values").is_some_and(is_the_values)
+    }
+}
+
+/// What other gateways have told and was not seen here yet.
+#[derive(Debug, Default)]
+pub(super) struct Told {
+    heard: VecDeque<(MonoTime, Mark)>,
+    /// The last trip of each drive as the broker had it when this gateway connected.
+    last: BTreeMap<String, Map<String, Value>>,
+}
+
+impl Told {
+    /// Remembers an event that was told and that no event of ours is known to be.
+    pub(super) fn remember(&mut self, at: MonoTime, mark: Mark) {
+        while self.heard.len() >= HEARD_MAX || self.heard.front().is_some_and(|it| at.since(it.0) >= HEARD_FOR) {
+            self.heard.pop_front();
+        }
+        self.heard.push_back((at, mark));
+    }
+
+    /// Remembers the retained record of the last trip of `drive`.
+    pub(super) fn remember_last(&mut self, drive: &str, record: Map<String, Value>) {
+        if self.last.len() < HEARD_MAX || self.last.contains_key(drive) {
+            self.last.insert(drive.to_owned(), record);
+        }
+    }
+
+    /// Whether an event of ours that comes now was told already. It is forgotten by that.
+    pub(super) fn take(&mut self, at: MonoTime, own: &Mark) -> bool {
+        let is_it = |(heard_at, mark): &(MonoTime, Mark)| at.since(*heard_at) < HEARD_FOR && mark.is_same(own);
+        if let Some(place) = self.heard.iter().position(is_it) {
+            self.heard.remove(place);
+            return true;
+        }
+        self.take_last(own)
+    }
+
+    /// The same by the last trips alone.
+    pub(super) fn take_last(&mut self, own: &Mark) -> bool {
+        let is_last = self.last.get(own.drive()).is_some_and(|last| own.is_last(last));
+        is_last && self.last.remove(own.drive()).is_some()
+    }
+
+    /// The connection is lost: the next one brings what the broker has then.
+    pub(super) fn lost(&mut self) {
+        self.last.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn mark(body: &Value) -> Mark {
+        Mark::of("pump", body.as_object().unwrap())
+    }
+
+    #[test]
+    fn the_same_event_is_known_by_kind_count_and_code() {
+        let trip = mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "at": "one", "seq": 1 }));
+        for (other, is_same) in [
+            (json!({ "kind": "tripped", "count": 3, "code": 9, "at": "two", "seq": 7 }), true),
+            (json!({ "kind": "tripped", "count": null, "code": 9 }), true),
+            (json!({ "kind": "tripped", "count": 3, "code": null }), true),
+            (json!({ "kind": "tripped", "count": 4, "code": 9 }), false),
+            (json!({ "kind": "tripped", "count": 3, "code": 8 }), false),
+            (json!({ "kind": "cleared", "count": 3 }), false),
+            (json!({}), false),
+        ] {
+            assert_eq!(trip.is_same(&mark(&other)), is_same, "{other}");
+        }
+        let of_another = Mark::of("fan", json!({ "kind": "tripped", "count": 3, "code": 9 }).as_object().unwrap());
+        assert!(!trip.is_same(&of_another));
+        assert!(!mark(&json!({})).is_same(&mark(&json!({}))), "what is not understood is like no other");
+    }
+
+    #[test]
+    fn each_heard_event_stands_for_one_of_ours_for_a_minute() {
+        let mut told = Told::default();
+        let cleared = mark(&json!({ "kind": "cleared" }));
+        let at = MonoTime::from_millis;
+        told.remember(at(0), cleared.clone());
+        told.remember(at(10_000), cleared.clone());
+        assert_eq!([1, 2, 3].map(|ms| told.take(at(ms), &cleared)), [true, true, false]);
+        told.remember(at(0), cleared.clone());
+        assert!(!told.take(at(60_000), &cleared));
+        (0..1_000).for_each(|_| told.remember(at(60_000), cleared.clone()));
+        assert_eq!(told.heard.len(), HEARD_MAX);
+    }
+
+    #[test]
+    fn the_retained_record_stands_for_the_trip_with_its_values() {
+        let record = json!({ "at": "then", "code": 9, "values": { "hours": 7 } });
+        for (own, is_it) in [
+            (json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 7 } }), true),
+            (json!({ "kind": "tripped", "count": 1, "code": null, "values": {} }), true),
+            (json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 8 } }), false),
+            (json!({ "kind": "tripped", "count": 1, "code": 8, "values": { "hours": 7 } }), false),
+            (json!({ "kind": "cleared", "count": 1 }), false),
+        ] {
+            let mut told = Told::default();
+            told.remember_last("pump", record.as_object().unwrap().clone());
+            assert_eq!(told.take(MonoTime::ZERO, &mark(&own)), is_it, "{own}");
+            assert!(!told.take(MonoTime::ZERO, &mark(&own)), "once");
+        }
+    }
+}
