@@ -265,13 +265,6 @@ impl DriveGuard {
         self.is_identified = false;
     }
 
-    /// Control was returned to panel or terminals: it has no owner here, and a client must stop before it starts.
-    pub(super) fn released(&mut self, now: MonoTime) {
-        self.lease = None;
-        self.is_released = true;
-        self.inhibit(now);
-    }
-
     /// The last stop has taken effect.
     pub const fn stop_was_effective(&mut self) {
         self.stop_took_effect = true;
