@@ -8,7 +8,7 @@ use super::measured::Measured;
 use super::natives::Natives;
 use super::outbox::Outbox;
 use super::setup::LineSetup;
-use super::standby::Share;
+use super::share::Share;
 use super::work::{DriveWork, Rank};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::link::EchoPolicy;

@@ -42,6 +42,7 @@ mod port;
 mod probe;
 mod report;
 mod setup;
+mod share;
 mod standby;
 mod station;
 mod stop;

@@ -51,8 +51,11 @@ impl LineCore {
 
     /// What is on the wire is lost; its reply may still arrive, later.
     pub(super) fn lose_exchange(&mut self, now: MonoTime) {
-        let (Some(exchange), Some(flight)) = (self.wire.abandon(now), self.flight.take()) else { return };
-        if consequence(Fault::PortGone).reply_may_come_late {
+        let exchange = self.wire.abandon(now);
+        let Some(flight) = self.flight.take() else { return };
+        if let Some(exchange) = exchange
+            && consequence(Fault::PortGone).reply_may_come_late
+        {
             // Its time-out has not passed, and may not even have begun.
             let drive = &mut self.drives[flight.drive];
             let sent_at = flight.request_end;

@@ -35,6 +35,13 @@ impl LineCore {
         Some(self.probe(now, drive))
     }
 
+    /// That read, if it is due.
+    pub(super) fn pick_sign_of_life(&self, now: MonoTime) -> Option<Picked> {
+        self.sign_of_life_at().filter(|at| now >= *at)?;
+        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
+        Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
+    }
+
     /// A read for its own sake, if possible one whose reply cannot be mistaken for a late one. Any drive shows whether
     /// our own bytes return, even a silent one.
     pub(super) fn probe(&self, now: MonoTime, drive: DriveIndex) -> Picked {

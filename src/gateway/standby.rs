@@ -1,12 +1,11 @@
 //! A line that several gateways share: this one listens, takes the line over, or gives it up.
 
 use super::core::LineCore;
-use super::decide::Picked;
 use super::event::{Effect, Wake, WakeReason};
 use super::note::{HeardFrame, LineNote};
-use super::setup::LineSetup;
+use super::share::Share;
 use super::work::DriveWork;
-use crate::domain::ids::{DriveIndex, Station};
+use crate::domain::ids::Station;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::LineFault;
 use crate::domain::standby::{LineRole, StandbyReport};
@@ -14,51 +13,12 @@ use crate::domain::time::MonoTime;
 use crate::domain::traffic::Why;
 use crate::line::echo::LocalEcho;
 use crate::line::handover;
-use crate::line::overheard::Listener;
-use crate::line::standby::{Change, Standby};
+use crate::line::standby::Change;
 use crate::wire::framing;
 use std::time::Duration;
 
 /// How long a line that is to be handed over waits for a moment at which nothing is under way.
 const YIELD_WAIT: Duration = Duration::from_secs(5);
-/// The share of this gateway in a line.
-#[derive(Debug)]
-pub(super) struct Share {
-    pub rule: Standby,
-    pub listener: Listener,
-    /// Unanswered requests of others in a row, per drive.
-    pub unanswered: Vec<u8>,
-    /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
-    pub has_heard_other: bool,
-    /// A drive has answered since the line was taken over.
-    is_confirmed: bool,
-    /// Until when the line is to be handed over, as soon as nothing is under way.
-    yields_until: Option<MonoTime>,
-    /// The frame that hands it over is on its way to the port.
-    hands_over: bool,
-    take_overs: u64,
-    given_up: u64,
-    rivals: u64,
-}
-
-impl Share {
-    /// The share in the line of `setup`; `None` if no other gateway shares it.
-    pub fn of(setup: &LineSetup) -> Option<Self> {
-        Some(Self {
-            rule: Standby::new(setup.standby?, setup.first_epoch),
-            listener: Listener::default(),
-            unanswered: vec![0; setup.drives.len()],
-            has_heard_other: false,
-            is_confirmed: false,
-            yields_until: None,
-            hands_over: false,
-            take_overs: 0,
-            given_up: 0,
-            rivals: 0,
-        })
-    }
-}
-
 impl LineCore {
     /// Whether another gateway sends on the line, or may send.
     pub(super) fn listens(&self) -> bool {
@@ -201,13 +161,6 @@ impl LineCore {
     pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
         let may_be_sent = !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo));
         self.share.as_ref().filter(|_| may_be_sent)?.rule.probe_at()
-    }
-
-    /// That read, if it is due.
-    pub(super) fn pick_sign_of_life(&self, now: MonoTime) -> Option<Picked> {
-        self.sign_of_life_at().filter(|at| now >= *at)?;
-        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
-        Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
     }
 
     /// Whether a copy of our own frame comes from another gateway: they ask the same drives the same questions, and the

@@ -110,6 +110,19 @@ impl DriveGuard {
         Some(self.lost(None, action, Cause::GatewayLost, now))
     }
 
+    /// The drive obeys an order to run in `direction` that was not given here.
+    pub(super) fn runs_already(&mut self, direction: Direction) {
+        self.intent = RunIntent::Run(direction);
+        self.run_acknowledged = true;
+        self.obeyed = Some((direction, true));
+        self.turned = Some(direction);
+    }
+
+    /// The declared action runs.
+    pub(super) const fn has_failed_safe_now(&mut self) {
+        self.failsafe = true;
+    }
+
     /// Whether the order in force waits for a client to take it up.
     #[must_use]
     pub fn is_adopted(&self) -> bool {

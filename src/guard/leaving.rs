@@ -24,6 +24,13 @@ impl DriveGuard {
         self.lease.is_some() || matches!(self.intent(), RunIntent::Run(_))
     }
 
+    /// Control was returned to panel or terminals: it has no owner here, and a client must stop before it starts.
+    pub(super) fn released(&mut self, now: MonoTime) {
+        self.lease = None;
+        self.is_released = true;
+        self.inhibit(now);
+    }
+
     /// Ends any control with a stop; `None` without a control section.
     pub fn stop_to_leave(&mut self, now: MonoTime) -> Option<Lost> {
         self.control.as_ref()?;

@@ -24,12 +24,12 @@ pub struct DriveGuard {
     pub(super) lease: Option<Lease>,
     /// A run order from another gateway of the line that no client here has taken up yet.
     pub(super) adopted: Option<Adopted>,
-    intent: RunIntent,
+    pub(super) intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order counts as new.
     pub(super) run_acknowledged: bool,
     /// The direction in which the drive was last ordered to run, and whether it acknowledged that or only may have
     /// accepted it; `None` once the order has ended.
-    obeyed: Option<(Direction, bool)>,
+    pub(super) obeyed: Option<(Direction, bool)>,
     /// The last ordered direction, in force or not: the motor may still turn.
     pub(super) turned: Option<Direction>,
     setpoint: Option<Setpoint>,
@@ -45,7 +45,7 @@ pub struct DriveGuard {
     found_at: MonoTime,
     /// When the right to start last ended, by a stop, a trip or a lost lease. Orders issued before do not start the drive.
     pub(super) inhibited_at: Option<MonoTime>,
-    failsafe: bool,
+    pub(super) failsafe: bool,
     /// The last stop has taken effect, and still holds.
     pub(super) stop_took_effect: bool,
     /// Control was released, and nothing has been ordered since.
@@ -249,19 +249,6 @@ impl DriveGuard {
         self.adopted = None;
     }
 
-    /// The drive obeys an order to run in `direction` that was not given here.
-    pub(super) fn runs_already(&mut self, direction: Direction) {
-        self.intent = RunIntent::Run(direction);
-        self.run_acknowledged = true;
-        self.obeyed = Some((direction, true));
-        self.turned = Some(direction);
-    }
-
-    /// The declared action runs.
-    pub(super) const fn has_failed_safe_now(&mut self) {
-        self.failsafe = true;
-    }
-
     /// The drive tripped or is offline: it may also have lost its setpoint.
     pub fn lost_touch(&mut self, now: MonoTime) {
         self.inhibit(now);
@@ -276,13 +263,6 @@ impl DriveGuard {
     /// The drive is out of sight: another one may answer when it is back.
     pub const fn may_be_another(&mut self) {
         self.is_identified = false;
-    }
-
-    /// Control was returned to panel or terminals: it has no owner here, and a client must stop before it starts.
-    pub(super) fn released(&mut self, now: MonoTime) {
-        self.lease = None;
-        self.is_released = true;
-        self.inhibit(now);
     }
 
     /// The last stop has taken effect.

@@ -333,7 +333,7 @@ impl Wire {
         let open = self.open.take()?;
         self.own_echo.is_over();
         let rest = self.assembler.end();
-        self.note(TrafficKind::Noise, rest);
+        self.note_noise(rest);
         Some((open.exchange, ending))
     }
 

@@ -63,6 +63,13 @@ pub fn decode(framing: Framing, adu: &[u8]) -> Option<(u8, Cow<'_, [u8]>)> {
     }
 }
 
+/// The range of the first sound frame in `bytes` that can only be the request of a read, wherever it begins: see
+/// [`rtu::find_read_request`]. In other framings each frame is found in its turn.
+#[must_use]
+pub fn find_read_request(framing: Framing, bytes: &[u8]) -> Option<Range<usize>> {
+    (framing == Framing::Rtu).then(|| rtu::find_read_request(bytes)).flatten()
+}
+
 /// Most bytes of a Modbus TCP stream that are kept. All whole messages are taken out between two reads of a port, which
 /// give less than this.
 const STREAM_BYTES_MAX: usize = 4096 + mbap::MAX_ADU_BYTES;
@@ -114,16 +121,6 @@ impl Assembler {
             Framing::Rtu => rtu::find_any(&self.bytes).map(|place| self.take_out(place)),
             Framing::Ascii | Framing::Mbap => self.take(None),
         }
-    }
-
-    /// Removes the next sound request of a read, wherever it is; what surrounds it stays. In ASCII any frame is found in
-    /// its turn.
-    pub fn take_read_request(&mut self) -> Option<Vec<u8>> {
-        if self.framing != Framing::Rtu {
-            return None;
-        }
-        let place = rtu::find_read_request(&self.bytes)?;
-        Some(self.bytes.drain(place).collect())
     }
 
     fn take_out(&mut self, place: Range<usize>) -> FoundFrame {

@@ -12,6 +12,9 @@ pub const OVERHEAD_BYTES: usize = 3;
 /// Length of an exception reply: station, function, code, CRC.
 pub const EXCEPTION_ADU_BYTES: usize = 5;
 
+/// Length of a request with two words: of a read, of one register's write, of a loop test.
+const REQUEST_ADU_BYTES: usize = 8;
+
 /// Length of the frame that carries a PDU of `pdu_bytes`.
 #[must_use]
 pub const fn adu_bytes(pdu_bytes: usize) -> usize {
@@ -122,12 +125,12 @@ pub fn find_any(bytes: &[u8]) -> Option<Range<usize>> {
     })
 }
 
-/// The same for a frame that can only be the request of a read.
+/// The same for a frame that can only be the request of a read, of no more than a drive gives in one frame.
 #[must_use]
 pub fn find_read_request(bytes: &[u8]) -> Option<Range<usize>> {
-    find_by(bytes, |head| {
-        let is_read = head.get(1).is_some_and(|code| (function::READ_COILS..=function::READ_INPUT).contains(code));
-        [request_adu_bytes(head).filter(|_| is_read), None]
+    find_by(bytes, |head| match *head {
+        [_, function::READ_COILS..=function::READ_INPUT, _, _, 0, 1..=125, ..] => [Some(REQUEST_ADU_BYTES), None],
+        _ => [None, None],
     })
 }
 
@@ -143,7 +146,7 @@ fn find_by(bytes: &[u8], lengths: impl Fn(&[u8]) -> [Option<usize>; 2]) -> Optio
 /// Length of the request frame that begins with `head`, if its function is one of ours.
 fn request_adu_bytes(head: &[u8]) -> Option<usize> {
     match (head.get(1)?, head.get(6)) {
-        (0x01..=0x06 | &function::DIAGNOSTICS, _) => Some(8),
+        (0x01..=0x06 | &function::DIAGNOSTICS, _) => Some(REQUEST_ADU_BYTES),
         (&function::WRITE_COILS | &function::WRITE_MULTIPLE, Some(bytes)) => Some(9 + usize::from(*bytes)),
         _ => None,
     }

@@ -1,7 +1,7 @@
 //! The service unit, the udev rule and the configuration that the Debian package starts with, read by systemd and udev as
 //! they stand. `tests/run package` installs the package and runs the service.
 
-use super::rig::{Place, fields, program, simulate, vfd_gateway};
+use super::rig::{Place, assert_says, fields, program, simulate, start, vfd_gateway};
 use super::started::{PATIENCE, Started};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -164,6 +164,28 @@ fn the_filters_let_through_all_that_the_gateway_does() {
         (*name == "mmap" || *name == "mprotect") && rest.contains("PROT_EXEC") && rest.contains("PROT_WRITE")
     });
     assert_eq!(writable_code.count(), 0, "MemoryDenyWriteExecute= refuses it");
+}
+
+#[test]
+fn a_stop_first_gives_shared_lines_to_the_other_gateway_and_never_waits_for_that_in_vain() {
+    let unit = unit();
+    let [line] = values(&unit, "ExecStop")[..] else { panic!("one command") };
+    // Whatever comes of it, the service is stopped.
+    let words = line.strip_prefix("-/usr/bin/vfd-gateway ").unwrap();
+    let place = Place::new();
+    let text = format!(
+        "[gateway]\ndata_dir = \"{}\"\n[[line]]\nname = \"hall-1\"\nport = \"{}\"\n[[line.drive]]\nname = \"pump-1\"\n\
+         model = \"hyundai-n700\"\nstation = 1\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n",
+        place.file("").display(),
+        place.file("line").display()
+    );
+    let file = place.write("gateway.toml", &text);
+    let words = words.replace("/etc/vfd-gateway/vfd-gateway.toml", file.to_str().unwrap());
+    let words: Vec<_> = words.split(' ').collect();
+    assert_says(&vfd_gateway(&words), 1, &["vfd-gateway.sock"]);
+    let gateway = start(&["run", "-c", file.to_str().unwrap()]);
+    gateway.wait_for("that it runs", |line| (fields(line)?["message"] == "running").then_some(()));
+    assert_says(&vfd_gateway(&words), 0, &["no line has a second gateway: there is nothing to hand over"]);
 }
 
 #[test]

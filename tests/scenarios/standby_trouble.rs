@@ -68,7 +68,7 @@ impl Play {
         let options = RigOptions { control: Some(settings), seed, poll: MS(2000), ..RigOptions::controlled() };
         let mut pair = Pair::new(2, &options);
         for (half, drift) in [(0, 10_000), (1, -10_000)] {
-            pair.halves[half].drift_ppm = if seed % 2 == 0 { drift } else { -drift };
+            pair.halves[half].drift_ppm = if seed.is_multiple_of(2) { drift } else { -drift };
             pair.halves[half].loses_per_mille = loses_per_mille;
             pair.start(half);
         }

@@ -70,7 +70,8 @@ impl DriveWork {
         if self.guard.control().is_none() || self.latch.is_some() {
             return;
         }
-        let is_ordered = self.status.is_running() == Some(true) || self.output.is_active();
+        let is_local = self.status_view().is_local() == Some(true);
+        let is_ordered = !is_local && (self.status.is_running() == Some(true) || self.output.is_active());
         let lost = match heard {
             HeardOrder::Stop { coast } if !self.is_at_standstill() => self.guard.repeat_stop(coast, now),
             HeardOrder::Run(direction, at) => {

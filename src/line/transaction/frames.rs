@@ -12,14 +12,8 @@ impl Wire {
     /// if it did.
     pub(super) fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
         let mut ended = None;
-        // The reply that is awaited does not hide the request of another gateway.
-        let looks_for_requests = self.listens && self.open.is_some();
-        while let Some(request) = looks_for_requests.then(|| self.assembler.take_read_request()).flatten() {
-            let (kind, _) = self.judge(&request);
-            self.note(kind, request);
-        }
         while let Some(found) = self.next_frame(is_over) {
-            self.note(TrafficKind::Noise, found.noise);
+            self.note_noise(found.noise);
             let (kind, ending) = self.judge(&found.adu);
             let transaction = framing::transaction_of(self.timing.framing, &found.adu);
             transaction.into_iter().for_each(|id| self.transactions.answered(id));
@@ -49,6 +43,20 @@ impl Wire {
             None if self.listens => self.assembler.take_any(),
             open => self.assembler.take_certain(open.as_ref().map(|open| &open.expected), is_over),
         }
+    }
+
+    /// Notes bytes that are no part of a reply. Among them may be the request of another gateway: a reply that is awaited
+    /// does not hide it, and what looks like one inside a sound reply is none.
+    pub(super) fn note_noise(&mut self, mut bytes: Vec<u8>) {
+        while let Some(place) = self.listens.then(|| framing::find_read_request(self.timing.framing, &bytes)).flatten()
+        {
+            let rest = bytes.split_off(place.end);
+            let request = bytes.split_off(place.start);
+            self.note(TrafficKind::Noise, bytes);
+            self.note(TrafficKind::OtherMaster(Station(request[0])), request);
+            bytes = rest;
+        }
+        self.note(TrafficKind::Noise, bytes);
     }
 
     /// Classifies a sound frame: our answer, another station's or master's, or one that is late.

@@ -1,10 +1,16 @@
 //! A line is handed over on request, by the program's own commands, and no motor stops. Where no other gateway takes it, it is
 //! taken back.
 
+use super::super::raw::Raw;
 use super::super::rig::{assert_says, vfd_gateway};
-use super::pair::{A, B, Pair};
+use super::super::started::until;
+use super::pair::{A, B, PATIENCE, Pair};
 use super::{A_WHILE, running};
 use std::process::Output;
+
+/// The uniform register with the run state, and its numbers for a drive that runs forward, and one that others let run.
+const RUN_STATE: u16 = 2;
+const RUNS: [u16; 2] = [2, 6];
 
 /// A command for the half at `end`.
 fn ask(pair: &Pair, end: usize, words: &[&str]) -> Output {
@@ -22,6 +28,12 @@ fn a_line_is_handed_over_and_no_motor_stops() {
     assert_says(&ask(&pair, A, &["health", "--active"]), 0, &["active on hall-1"]);
     assert_says(&ask(&pair, B, &["health", "--active"]), 1, &["not active: it only listens on hall-1"]);
     assert_says(&ask(&pair, B, &["standby", "yield", "hall-1"]), 1, &["this gateway does not send on the line"]);
+    for unit in [101, 102] {
+        until("the listener has seen that it runs", PATIENCE, || {
+            let state = Raw::connect(pair.half(B).modbus).read_unit(unit, RUN_STATE, 1);
+            RUNS.iter().any(|runs| state == Ok(vec![*runs])).then_some(())
+        });
+    }
     let seen = pair.hub.count();
     assert_says(&ask(&pair, A, &["standby", "yield"]), 0, &["line hall-1: another gateway sends on the line now"]);
     pair.wait_for_requests(B, A_WHILE, seen);
