@@ -94,10 +94,10 @@ fn measured(baud: u32, loss: Loss, rounds: usize) -> Found {
     let mut random = fastrand::Rng::with_seed(baud.into());
     let mut found = Found::default();
     pair.start_one_behind_the_other();
-    let (mut active, mut ups) = (A, [1, 1]);
+    let mut ups = [1, 1];
     for round in 0..rounds {
         let from = pair.hub.count();
-        pair.run(active, 1);
+        let active = pair.run_where_it_is_active(1);
         std::thread::sleep(Duration::from_millis(random.u64(0..700)));
         let lost_at = lose(&mut pair, active, loss);
         let seen = pair.hub.count();
@@ -118,7 +118,6 @@ fn measured(baud: u32, loss: Loss, rounds: usize) -> Found {
         }
         found.wrong += wrong;
         found.met.extend(met.into_iter().map(|meeting| (meeting.frames, meeting.lasted)));
-        active = next;
     }
     found
 }
@@ -142,8 +141,7 @@ fn stall_again_and_again(bus: usize, rounds: usize) {
     let mut changes = 0;
     for round in 0..rounds {
         let from = pair.hub.count();
-        let active = pair.wait_for_master(from);
-        pair.run(active, 1);
+        let active = pair.run_where_it_is_active(1);
         let seen = pair.hub.count();
         std::thread::sleep(Duration::from_millis(random.u64(0..700)));
         pair.program(active).signal("STOP");

@@ -100,7 +100,7 @@ impl Pair {
             let line = place.file(&format!("line-{name}"));
             let head = format!(
                 "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n[standby]\nhalf = \"{name}\"\npartner = \"{partner}\"\n\
-                 rank = {rank}\n\n[[modbus_tcp]]\nlisten = \"{listen}\"\nwrite = [\"{write}\"]\n\n[[line]]\n\
+                 rank = {rank}\n\n[[modbus_tcp]]\nlisten = \"{listen}\"\nallow = [\"{write}\"]\nwrite = [\"{write}\"]\n\n[[line]]\n\
                  name = \"hall-1\"\nport = \"{}\"\nbaud = {baud}\nstandby = true\n{echo}",
                 data.display(),
                 line.display()
@@ -192,6 +192,26 @@ impl Pair {
             });
         }
         until("the motor turns", PATIENCE, || (self.hub.output(station) > TURNS).then_some(()));
+    }
+
+    /// The same at the half that is active, which may change on a busy machine; returns its end.
+    pub fn run_where_it_is_active(&self, station: u8) -> usize {
+        until("the motor turns by the order of the active half", PATIENCE, || {
+            let active = self.wait_for_master(self.hub.count());
+            for (register, word) in [(RUN_COMMAND, 0), (SETPOINT, 3000), (RUN_COMMAND, 1)] {
+                let mut tries = 0..300;
+                tries.find(|_| {
+                    std::thread::sleep(Duration::from_millis(10));
+                    self.write(active, station, register, word).is_ok()
+                })?;
+            }
+            let mut looks = 0..300;
+            looks.find(|_| {
+                std::thread::sleep(Duration::from_millis(10));
+                self.hub.output(station) > TURNS
+            })?;
+            Some(active)
+        })
     }
 
     /// Writes to a uniform register of the drive at `station`.
