@@ -87,6 +87,8 @@ impl LineCore {
             if !is_for_all && drive.setup.station != station {
                 continue;
             }
+            // Memory that is older no longer answers reads.
+            drive.order_taken(at);
             let order = decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values);
             if let Ok(order) = order {
                 drive.work.heard(&order, at, &mut self.effects);

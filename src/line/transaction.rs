@@ -10,7 +10,7 @@ use super::arrivals::Arrivals;
 use super::exchange::{Ending, Exchange, Heard};
 use super::occupancy::Occupancy;
 use super::own_echo::OwnEcho;
-use super::timing::{ADAPTER_HOLE, Timing};
+use super::timing::Timing;
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
@@ -20,6 +20,9 @@ use crate::wire::framing::{self, Assembler};
 use crate::wire::pdu::{self, Request};
 use ids::TransactionIds;
 use std::time::Duration;
+
+/// Longest pause inside a frame of others that is still put together: what any adapter leaves, on a busy machine.
+const LISTENED_HOLE: Duration = Duration::from_millis(50);
 
 /// The exchange that is on the wire.
 #[derive(Debug)]
@@ -325,7 +328,7 @@ impl Wire {
 
     /// When an incomplete frame can no longer continue, if ever.
     fn frame_end_at(&self) -> Option<MonoTime> {
-        let adapters = if self.listens { ADAPTER_HOLE } else { Duration::ZERO };
+        let adapters = if self.listens { LISTENED_HOLE } else { Duration::ZERO };
         self.timing.longest_hole().map(|hole| self.last_byte_at + hole.max(adapters))
     }
 

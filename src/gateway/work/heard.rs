@@ -1,6 +1,7 @@
 //! What another gateway of the line orders the drive to do, as heard on the line, and what follows when that gateway is
 //! lost.
 
+use super::heard_order::HeardOrder;
 use super::{DriveWork, Out};
 use crate::domain::command::{Direction, Go, Order, Outcome, Reason, Report, RunIntent};
 use crate::domain::time::MonoTime;
@@ -8,18 +9,6 @@ use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
 use crate::journal::Entry;
 use crate::profile::model::Flag;
-
-/// The last order that was heard on the line since this gateway listens.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum HeardOrder {
-    /// None.
-    #[default]
-    Nothing,
-    /// To run, since this moment.
-    Run(Direction, MonoTime),
-    /// To stop, or to cut the output off.
-    Stop { coast: bool },
-}
 
 impl DriveWork {
     /// Another gateway sent `order` to the drive at `at`.

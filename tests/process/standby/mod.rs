@@ -1,6 +1,7 @@
 //! Two real gateways on one bus: when one is killed, hangs or is unplugged, the other one takes the line and does what is
 //! declared; there are never two masters, and nothing starts by itself.
 
+mod broker;
 mod handing_over;
 mod measure;
 mod pair;
