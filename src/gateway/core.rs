@@ -212,6 +212,7 @@ impl LineCore {
             }
             Input::Kept(row) => self.drives.works_mut().for_each(|work| work.kept(row)),
             Input::Leave { stops } => {
+                let stops = stops && !self.listens();
                 for work in self.drives.works_mut() {
                     work.leave(now, stops, &mut self.effects);
                 }
@@ -300,12 +301,15 @@ impl LineCore {
 
     /// The drives that may be commanded and that run, are under control, or still have to be stopped.
     pub fn in_use(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        self.drives.iter().filter(|drive| drive.work.is_in_use()).map(|drive| drive.index)
+        // Of a line that is listened to, another gateway uses them.
+        let listens = self.listens();
+        self.drives.iter().filter(move |drive| !listens && drive.work.is_in_use()).map(|drive| drive.index)
     }
 
     /// The drives that still need this line: a stop in progress, a reset that has begun, control.
     pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        self.drives.iter().filter(|drive| drive.work.is_bound()).map(|drive| drive.index)
+        let listens = self.listens();
+        self.drives.iter().filter(move |drive| !listens && drive.work.is_bound()).map(|drive| drive.index)
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {

@@ -206,16 +206,17 @@ impl LineCore {
                 self.tell_of(heard);
                 continue;
             }
+            // The adapter does not echo: another gateway has asked the same.
+            let is_no_echo = heard.kind == TrafficKind::Echo && self.is_no_echo();
+            if is_no_echo || matches!(heard.kind, TrafficKind::OtherMaster(_)) {
+                rival = self.share.is_some().then(|| heard.bytes.clone());
+            }
             match heard.kind {
-                // The adapter does not echo: another gateway has asked the same.
-                TrafficKind::Echo if self.is_no_echo() => rival = Some(heard.bytes.clone()),
+                TrafficKind::Echo if is_no_echo => {}
                 TrafficKind::Request => {}
                 TrafficKind::Reply => was_answered = true,
                 TrafficKind::Echo => self.counters.echoes += 1,
-                TrafficKind::OtherMaster(_) => {
-                    self.counters.other_master += 1;
-                    rival = Some(heard.bytes.clone());
-                }
+                TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
                 TrafficKind::Stray(station) => {
                     self.counters.strays += 1;
                     self.learn_late(now, station, &heard.bytes);
@@ -232,7 +233,7 @@ impl LineCore {
                     flight.into_iter().for_each(|flight| flight.noise += heard.bytes.len());
                 }
             }
-            if rival.is_none() {
+            if !is_no_echo {
                 self.echo.heard(heard.kind, &heard.bytes);
             }
             self.health.diagnosis.heard(heard.kind, &heard.bytes);

@@ -19,6 +19,7 @@ use std::time::Duration;
 
 /// How long a line that is to be handed over waits for a moment at which nothing is under way.
 const YIELD_WAIT: Duration = Duration::from_secs(5);
+
 impl LineCore {
     /// Whether another gateway sends on the line, or may send.
     pub(super) fn listens(&self) -> bool {

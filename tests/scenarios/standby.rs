@@ -169,11 +169,42 @@ fn a_drive_that_stands_still_is_left_alone() {
     }
 }
 
+/// The lines of a reload or a removal are not held up by drives that another gateway runs.
+#[test]
+fn a_drive_that_another_gateway_runs_is_not_in_use_here() {
+    let mut pair = running(OnGatewayLost::Hold);
+    assert_eq!([0, 1].map(|half| pair.core(half).in_use().count()), [1, 0]);
+    pair.tell(1, Input::Leave { stops: true });
+    assert_eq!(pair.core(1).bound().count(), 0);
+    // Shorter than the lease of its client.
+    pair.pass(SECOND);
+    assert_eq!((sends(&pair, 1, MonoTime::ZERO), pair.output(1)), (false, 3000));
+}
+
+#[test]
+fn sharing_a_line_costs_no_frames_while_drives_are_polled() {
+    let frames = |is_shared: bool| {
+        let mut pair = Pair::new(2, &options(OnGatewayLost::Stop));
+        if !is_shared {
+            pair.halves[0].setup.standby = None;
+        }
+        pair.start(0);
+        pair.pass(SECOND * 10);
+        if is_shared {
+            pair.start(1);
+        }
+        let begin = pair.sent.len();
+        pair.pass(SECOND * 60);
+        assert!(!sends(&pair, 1, MonoTime::ZERO));
+        pair.sent.len() - begin
+    };
+    let [alone, shared] = [false, true].map(frames);
+    assert!(alone.abs_diff(shared) <= 3, "{alone} {shared}");
+}
+
 #[test]
 fn a_stop_that_was_heard_without_effect_is_repeated() {
     let mut pair = running(OnGatewayLost::Hold);
-    // The drive does not get it, and the gateway is killed before it can repeat it.
-    pair.bus.set_powered(pair.now, ONE, true);
     pair.command(0, MQTT, 0, STOP);
     let sent = pair.until(SECOND, |pair| run_words(pair, 0, MonoTime::ZERO).contains(&0));
     assert!(sent.is_some());

@@ -31,6 +31,13 @@ impl DriveWork {
         }
     }
 
+    /// The drive stands still: a stop that was heard has taken effect, and what starts it next is another order.
+    pub(super) fn heard_stop_is_over(&mut self) {
+        if matches!(self.heard, HeardOrder::Stop { .. }) {
+            self.heard = HeardOrder::Nothing;
+        }
+    }
+
     /// The order in force, by whichever gateway.
     pub(super) fn ordered(&self) -> RunIntent {
         match self.heard {

@@ -51,6 +51,7 @@ impl DriveWork {
             self.guard.found_running(now);
         }
         if self.is_at_standstill() && self.latch.is_none() {
+            self.heard_stop_is_over();
             self.is_stopping = false;
             self.guard.at_standstill();
         }
