@@ -223,6 +223,8 @@ impl LineCore {
         let Some(share) = &mut self.share else { return };
         share.take_overs += 1;
         share.is_confirmed = false;
+        // A frame that was to hand the line over, and could not be sent any more, does so no more.
+        (share.yields_until, share.hands_over) = (None, false);
         share.listener.clear();
         let heard_at = share.rule.heard_at();
         let is_first = !share.has_heard_other;

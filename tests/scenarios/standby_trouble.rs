@@ -1,5 +1,5 @@
 //! Two gateways on one line, and what goes wrong in years: kills, suspends, lost ports, frames that are not heard, clocks
-//! that differ. `SECONDS=10000000 cargo test --release --test suite standby_trouble -- --nocapture` plays as much time.
+//! that differ. `SIMULATED=10000000 cargo test --release --test suite standby_trouble -- --nocapture` plays as much time.
 
 use crate::support::pair::Pair;
 use crate::support::{ORIGIN, RigOptions, STOP, control, run};
@@ -11,7 +11,7 @@ use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
-/// Simulated time without `SECONDS`.
+/// Simulated time without `SIMULATED`.
 const SECONDS: u64 = 30_000;
 /// The run command of the model.
 const RUN: [u8; 3] = [6, 0x00, 0x02];
@@ -202,7 +202,7 @@ impl Play {
 }
 
 fn seconds() -> u64 {
-    std::env::var("SECONDS").ok().and_then(|text| text.parse().ok()).unwrap_or(SECONDS)
+    std::env::var("SIMULATED").ok().and_then(|text| text.parse().ok()).unwrap_or(SECONDS)
 }
 
 #[test]
