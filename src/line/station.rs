@@ -188,8 +188,9 @@ impl StationState {
         self.ask_again_at.max(self.rests_until).max(self.pauses_until)
     }
 
-    /// It may have been sent a request before this state was created; the reply can arrive until `moment`.
-    pub fn asked_before(&mut self, moment: MonoTime) {
+    /// It may have been sent a request by another; the reply can arrive until `moment`. Answers to that one explain frames.
+    pub const fn asked_before(&mut self, moment: MonoTime) {
+        self.quiet = Quiet::NONE;
         self.asked_before_until = moment;
     }
 

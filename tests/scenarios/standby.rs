@@ -342,6 +342,11 @@ fn two_active_ones_whose_requests_are_equal_are_no_echo_of_each_other() {
     assert!(took <= SECOND, "{took:?}");
     pair.pass(SECOND * 10);
     assert_eq!(active(&pair), 1);
+    // Answers to the other one are no sign of a drive that is late: the next stop is acknowledged.
+    let half = usize::from(pair.role(1) == LineRole::Active);
+    let ticket = pair.command(half, plc(1), 0, STOP);
+    pair.pass(SECOND * 2);
+    assert!(matches!(pair.told(half, ticket), Some((Outcome::Acknowledged | Outcome::Confirmed, _))));
 }
 
 #[test]
