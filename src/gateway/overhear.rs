@@ -43,26 +43,22 @@ impl LineCore {
             share.has_heard_other = true;
             return share.rule.handed_over(at);
         }
-        let overheard = share.listener.take(station, pdu);
-        // A reply alone may be the late one to a request of our own.
-        if overheard == Overheard::Alone {
-            return share.rule.heard_alone(at);
-        }
-        share.has_heard_other = true;
-        share.rule.heard(at);
-        match overheard {
+        match share.listener.take(station, pdu) {
+            // It may be the late one to a request of our own.
+            Overheard::Alone => share.rule.heard_alone(at),
             Overheard::Request { station, request, unanswered } => {
+                share.another_sends(at);
                 if let Some(index) = unanswered.and_then(|station| self.drives.at_station(station)) {
                     self.is_unanswered(now, index);
                 }
                 self.overhear_order(at, station, &request);
             }
             Overheard::Answer { station, request, ending } => {
+                share.another_sends(at);
                 if let Some(index) = self.drives.at_station(station) {
                     self.overhear_answer(now, at, index, &request, &ending);
                 }
             }
-            Overheard::Alone => {}
         }
     }
 

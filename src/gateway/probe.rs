@@ -30,16 +30,19 @@ impl LineCore {
             return None;
         }
         self.health.was_probed(now);
-        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
-        let drive = answers.map_or(DriveIndex(0), |drive| drive.index);
-        Some(self.probe(now, drive))
+        Some(self.probe_any(now))
     }
 
-    /// That read, if it is due.
+    /// On a shared line: the read that the other gateways hear, if it is due.
     pub(super) fn pick_sign_of_life(&self, now: MonoTime) -> Option<Picked> {
         self.sign_of_life_at().filter(|at| now >= *at)?;
+        Some(self.probe_any(now))
+    }
+
+    /// A read for its own sake, if possible of a drive that answers.
+    fn probe_any(&self, now: MonoTime) -> Picked {
         let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
-        Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
+        self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index))
     }
 
     /// A read for its own sake, if possible one whose reply cannot be mistaken for a late one. Any drive shows whether

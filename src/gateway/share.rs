@@ -41,4 +41,10 @@ impl Share {
             rivals: 0,
         })
     }
+
+    /// A listener heard another gateway, or its drives answer it, at `at`.
+    pub fn another_sends(&mut self, at: MonoTime) {
+        self.has_heard_other = true;
+        self.rule.heard(at);
+    }
 }

@@ -31,14 +31,13 @@ impl DriveGuard {
             OnGatewayLost::Hold => FailSafe::Hold,
             OnGatewayLost::Adopt => return self.adopt(direction, &control, now),
         };
-        self.has_failed_safe_now();
+        self.failsafe = true;
         Some(self.lost(None, action, Cause::GatewayLost, now))
     }
 
-    /// This gateway gives the line up at `now`: another one controls the drive, or will.
-    pub fn give_up(&mut self, now: MonoTime) {
+    /// This gateway gives the line up: another one controls the drive, or will.
+    pub const fn give_up(&mut self) {
         self.lease = None;
-        self.lost_touch(now);
     }
 
     /// The other gateway is lost at `now` before its stop took effect: it is sent again.
@@ -57,7 +56,7 @@ impl DriveGuard {
     /// The order is left standing. Where its direction is not known, it cannot be: a client could not repeat it.
     fn adopt(&mut self, direction: Option<Direction>, control: &ControlSettings, now: MonoTime) -> Option<Lost> {
         let Some(direction) = direction else {
-            self.has_failed_safe_now();
+            self.failsafe = true;
             return Some(self.lost(None, control.on_commander_lost, Cause::GatewayLost, now));
         };
         self.runs_already(direction);
@@ -106,7 +105,7 @@ impl DriveGuard {
         self.adopted.filter(|adopted| adopted.until <= now)?;
         let action = self.control.as_ref()?.on_commander_lost;
         self.inhibit(now);
-        self.has_failed_safe_now();
+        self.failsafe = true;
         Some(self.lost(None, action, Cause::GatewayLost, now))
     }
 
@@ -116,11 +115,6 @@ impl DriveGuard {
         self.run_acknowledged = true;
         self.obeyed = Some((direction, true));
         self.turned = Some(direction);
-    }
-
-    /// The declared action runs.
-    pub(super) const fn has_failed_safe_now(&mut self) {
-        self.failsafe = true;
     }
 
     /// Whether the order in force waits for a client to take it up.

@@ -225,7 +225,7 @@ impl Standby {
         }
     }
 
-    /// A sound frame that is not of this gateway was received at `now`, while it listens: somebody sends.
+    /// A sound frame that is not of this gateway was received at `now`, while it listens: another one sends.
     pub fn heard(&mut self, now: MonoTime) {
         if let State::Listening { quiet_from, .. } = &mut self.state {
             *quiet_from = now;

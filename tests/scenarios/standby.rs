@@ -275,7 +275,7 @@ fn a_gateway_whose_port_goes_and_comes_back_listens_first() {
     assert_eq!(pair.output(1), 0);
 }
 
-/// Its port comes back, and nobody has taken the line over: what it ordered itself counts as seen.
+/// Its port comes back, and no other gateway has taken the line over: what it ordered itself counts as seen.
 #[test]
 fn a_gateway_that_is_alone_does_what_is_declared_once_its_port_is_back() {
     let mut pair = running(OnGatewayLost::Stop);

@@ -136,7 +136,7 @@ impl Play {
                 return active;
             }
         }
-        panic!("nobody is active after 30 s, or both are");
+        panic!("no gateway is active after 30 s, or both are");
     }
 
     /// The same order to both: at most one accepts it.

@@ -174,6 +174,19 @@ impl RigOptions {
 }
 
 impl RigOptions {
+    /// A drive that is set up so, which is a `model`.
+    fn drive(&self, station: u8, model: &Arc<Model>) -> DriveSetup {
+        DriveSetup {
+            station: Station(station),
+            model: Arc::clone(model),
+            poll: self.poll,
+            timeouts: ReplyTimeouts { learns: self.learns, ..ReplyTimeouts::fixed(self.reply_timeout) },
+            max_lateness: model.timing.max_lateness.value,
+            control: self.control.clone().map(Arc::new),
+            remembered: Remembered::default(),
+        }
+    }
+
     /// The same over a Modbus TCP connection.
     pub fn modbus_tcp(self) -> Self {
         let bus = BusOptions { framing: Framing::Mbap, pacing: Pacing::None, ..self.bus };
@@ -271,15 +284,7 @@ impl Rig {
             let drive = DriveOptions { proof_words, bad_request: options.bad_request, ..DriveOptions::default() };
             let really = options.really.as_ref().unwrap_or(model);
             bus.connect(Station(station), SimDrive::new(Arc::clone(really), drive));
-            drives.push(DriveSetup {
-                station: Station(station),
-                model: Arc::clone(model),
-                poll: options.poll,
-                timeouts: ReplyTimeouts { learns: options.learns, ..ReplyTimeouts::fixed(options.reply_timeout) },
-                max_lateness: model.timing.max_lateness.value,
-                control: options.control.clone().map(Arc::new),
-                remembered: Remembered::default(),
-            });
+            drives.push(options.drive(station, model));
         }
         let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
         let now = MonoTime::from_millis(1);

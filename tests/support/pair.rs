@@ -12,10 +12,9 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineNote, LineSetup, Note};
-use vfd_gateway::journal::{Keep, Remembered};
+use vfd_gateway::gateway::{Effect, Input, LineCore, LineNote, LineSetup, Note};
+use vfd_gateway::journal::Keep;
 use vfd_gateway::line::standby::StandbyTimes;
-use vfd_gateway::line::timeouts::ReplyTimeouts;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::wire::framing;
@@ -97,15 +96,7 @@ impl Pair {
         let mut drives = Vec::new();
         for station in 1..=options.drives {
             bus.connect(Station(station), SimDrive::new(Arc::clone(model), DriveOptions::default()));
-            drives.push(DriveSetup {
-                station: Station(station),
-                model: Arc::clone(model),
-                poll: options.poll,
-                timeouts: ReplyTimeouts { learns: options.learns, ..ReplyTimeouts::fixed(options.reply_timeout) },
-                max_lateness: model.timing.max_lateness.value,
-                control: options.control.clone().map(Arc::new),
-                remembered: Remembered::default(),
-            });
+            drives.push(options.drive(station, model));
         }
         let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
         let shortest = StandbyTimes::shortest(&timing, options.reply_timeout + Duration::from_millis(100));

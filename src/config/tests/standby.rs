@@ -108,7 +108,7 @@ fn nothing_is_assumed_about_a_running_drive() {
         &with(&pair(), "on_gateway_lost = \"stop\"", "on_gateway_lost = \"continue\""),
         &format!("line[0].drive[0].control.on_gateway_lost: `continue` is not an allowed value; {WORDS}"),
     );
-    // A drive without control needs none: nobody could have started it here.
+    // A drive without control needs none: it cannot be started from here.
     let text = line_with("standby = true");
     assert!(good(&format!("{SECTION}{text}")).lines[0].standby.is_some());
 }

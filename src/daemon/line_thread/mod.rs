@@ -147,11 +147,6 @@ impl LineHandle {
         self.tell(Message::Stay);
     }
 
-    /// Another gateway of the line is to take it over, if this one is active.
-    pub fn yield_line(&self) {
-        self.tell(Message::Yield);
-    }
-
     /// Executes the declared action for every drive that is under control. From then on only stops are accepted, until
     /// the line is [closed](Self::close).
     pub fn begin_shutdown(&self) {

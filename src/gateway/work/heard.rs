@@ -7,7 +7,6 @@ use crate::domain::command::{Direction, Go, Order, Outcome, Reason, Report, RunI
 use crate::domain::time::MonoTime;
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
-use crate::journal::Entry;
 use crate::profile::model::Flag;
 
 impl DriveWork {
@@ -27,7 +26,7 @@ impl DriveWork {
         self.has_changed = true;
         if let HeardOrder::Run(..) = heard {
             // A stop that waits here is older than this order.
-            self.drop_stop(out);
+            self.drop_stop(Report::new(Outcome::Unknown, Reason::Standby), out);
         }
     }
 
@@ -56,7 +55,7 @@ impl DriveWork {
             RunIntent::Stop | RunIntent::Coast => HeardOrder::Nothing,
         };
         self.line_down(now, Reason::Standby, out);
-        self.guard.give_up(now);
+        self.guard.give_up();
     }
 
     /// This gateway takes the line over at `now`: a drive that was seen ordered to run gets the declared action, and a stop
@@ -99,15 +98,5 @@ impl DriveWork {
     fn ordered_direction(&self) -> Option<Direction> {
         let is_reverse = self.status.get(Flag::Reverse).filter(|_| self.status.is_running() == Some(true))?;
         Some(if is_reverse { Direction::Reverse } else { Direction::Forward })
-    }
-
-    /// A stop that waits is not sent any more: another gateway has ordered the drive since.
-    fn drop_stop(&mut self, out: Out<'_>) {
-        let Some(mut latch) = self.latch.take() else { return };
-        self.is_stopping = false;
-        out.keep(self.drive, Entry::StopOver { is_effective: false });
-        for mut waiter in std::mem::take(latch.waiters()) {
-            self.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::Standby), true, out);
-        }
     }
 }

@@ -57,15 +57,21 @@ impl DriveWork {
         self.has_changed = true;
         out.push_back(Effect::Note(self.drive, note));
         let report = latch.late_report();
-        let waiters = std::mem::take(latch.waiters());
         if turn == Turn::Dropped {
-            self.latch = None;
-            // The stop had no effect, so an equal one is a new one.
-            self.is_stopping = false;
             self.guard.inhibit(now);
-            out.keep(self.drive, Entry::StopOver { is_effective: false });
+            return self.drop_stop(report, out);
         }
-        for mut waiter in waiters {
+        for mut waiter in std::mem::take(latch.waiters()) {
+            self.tell(&mut waiter, report, true, out);
+        }
+    }
+
+    /// A stop that had no effect is not sent any more; those who wait for it get `report`. An equal one is a new one.
+    pub(super) fn drop_stop(&mut self, report: Report, out: Out<'_>) {
+        let Some(mut latch) = self.latch.take() else { return };
+        self.is_stopping = false;
+        out.keep(self.drive, Entry::StopOver { is_effective: false });
+        for mut waiter in std::mem::take(latch.waiters()) {
             self.tell(&mut waiter, report, true, out);
         }
     }

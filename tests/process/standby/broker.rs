@@ -1,4 +1,4 @@
-//! What an outsider sees at a broker that nobody here wrote while two gateways of one name come and go.
+//! What a subscriber of mosquitto sees while two gateways of one name come and go.
 
 use super::super::mosquitto::{Mosquitto, Subscriber};
 use super::super::rig::Place;

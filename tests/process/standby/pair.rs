@@ -112,7 +112,7 @@ impl Pair {
         Self { halves, hub, place }
     }
 
-    /// The port of somebody else on the bus.
+    /// The port of another device on the bus.
     pub fn foreign(&self) -> File {
         terminal(&self.place.file("foreign"))
     }
