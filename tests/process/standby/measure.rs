@@ -1,13 +1,17 @@
-//! How long it takes until a drive is stopped whose gateway is lost, by real programs.
+//! How long it takes until a drive is stopped whose gateway is lost, until a client reads fresh values of the other gateway,
+//! and until that one carries out a command, by real programs. Clients look every 10 ms.
 //!
-//! `ROUNDS=200 cargo test --locked --test process how_long_a_drive_runs_on -- --ignored --nocapture`
+//! `ROUNDS=200 BUSES=6 cargo test --locked --test process how_long_a_drive_runs_on -- --ignored --nocapture`
 
 use super::super::hub::meetings;
-use super::pair::{A, B, PATIENCE, Pair, STOP, other};
+use super::pair::{A, B, Pair, STOP, other};
+use super::watching::{Bounds, Watched, watch, wrong_orders};
 use std::fmt::{self, Display};
 use std::time::Duration;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::time::MonoTime;
+
+const BAUDS: [u32; 2] = [9_600, 38_400];
 
 /// How a gateway is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,21 +24,30 @@ enum Loss {
 impl Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
-            Self::Kill => "kill -9",
-            Self::Hang => "SIGSTOP",
-            Self::Unplug => "unplug",
+            Self::Kill => "killed",
+            Self::Hang => "stopped (SIGSTOP)",
+            Self::Unplug => "unplugged",
         })
     }
 }
 
-/// What one kind of loss led to.
-#[derive(Default)]
+/// What one kind of loss led to at one speed where the half with this rank took the line.
 struct Found {
+    baud: u32,
+    loss: Loss,
+    rank: usize,
+    bounds: Bounds,
     until_stop: Vec<Duration>,
+    /// Where no client commanded.
     until_fresh: Vec<Duration>,
+    /// Where a client commanded as soon as it could: until its RUN was carried out, and until all values were fresh.
+    until_command: Vec<Duration>,
+    until_fresh_beside: Vec<Duration>,
+    /// How many of all these took longer than `check` says.
+    beyond: usize,
     /// How many frames the one sent that left, each time that two met, and for how long there were two.
     met: Vec<(usize, Duration)>,
-    /// Orders other than the declared one.
+    /// Orders other than the declared one and those of the client.
     wrong: usize,
 }
 
@@ -43,56 +56,77 @@ struct Found {
 fn how_long_a_drive_runs_on_when_its_gateway_is_lost() {
     let (rounds, buses) = (rounds(), buses());
     let begun = clock::now();
+    let bounds = BAUDS.map(|baud| (baud, Bounds::checked(&Pair::new(baud))));
+    let cases: Vec<_> = bounds
+        .iter()
+        .flat_map(|(baud, bounds)| [Loss::Kill, Loss::Hang, Loss::Unplug].map(|loss| (*baud, loss, bounds)))
+        .collect();
     let rows: Vec<_> = std::thread::scope(|scope| {
-        let cases = [9_600, 38_400]
-            .into_iter()
-            .flat_map(|baud| [Loss::Kill, Loss::Hang, Loss::Unplug].into_iter().map(move |loss| (baud, loss)));
+        let cases = &cases;
         let players: Vec<_> = (0..buses)
             .map(|bus| {
-                let cases: Vec<_> = cases.clone().collect();
                 scope.spawn(move || {
-                    let mine = cases.into_iter().enumerate().filter(|(number, _)| number % buses == bus);
-                    mine.map(|(number, (baud, loss))| (number, baud, loss, measured(baud, loss, rounds)))
+                    let mine = cases.iter().enumerate().filter(|(number, _)| number % buses == bus);
+                    mine.map(|(number, (baud, loss, bounds))| (number, measured(*baud, *loss, bounds, rounds)))
                         .collect::<Vec<_>>()
                 })
             })
             .collect();
         let mut rows: Vec<_> = players.into_iter().flat_map(|player| player.join().unwrap()).collect();
         rows.sort_by_key(|row| row.0);
-        rows
+        rows.into_iter().flat_map(|row| row.1).collect()
     });
     println!("{rounds} rounds of each, {buses} buses at once, {:.0?}", clock::now().since(begun));
-    for baud in [9_600, 38_400] {
-        let checked = Pair::new(baud).checked(A);
-        let of_standby: Vec<_> = checked.lines().filter(|line| line.to_lowercase().contains("standby")).collect();
-        println!("check at {baud}:\n{}", of_standby.join("\n"));
-    }
-    println!(
-        "| baud | loss | to STOP: p50 | p99 | longest | to fresh values: p50 | p99 | longest | two masters | wrong |"
-    );
-    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
-    for (_, baud, loss, found) in &rows {
-        let [stop, fresh] = [&found.until_stop, &found.until_fresh].map(|times| columns(times));
-        let longest = found.met.iter().map(|(_, lasted)| *lasted).max().unwrap_or_default();
-        let most = found.met.iter().map(|(frames, _)| *frames).max().unwrap_or_default();
-        let met = format!("{} times, at most {most} frames, {:.0} ms", found.met.len(), longest.as_secs_f64() * 1e3);
-        println!("| {baud} | {loss} | {stop} | {fresh} | {met} | {} |", found.wrong);
-    }
-    assert!(rows.iter().all(|row| row.3.wrong == 0 && row.3.met.iter().all(|(frames, _)| *frames <= 1)));
+    print_times(&rows);
+    assert!(rows.iter().all(|row| row.wrong == 0 && row.met.iter().all(|(frames, _)| *frames <= 1)));
 }
 
-/// p50, p99 and the longest, in seconds.
-fn columns(times: &[Duration]) -> String {
+/// Two tables for the document, and what is said beside them.
+fn print_times(rows: &[Found]) {
+    const EDGES: &str = "bit/s | the active gateway is | rank of the other one";
+    println!("\nSeconds, each median, 99 %, longest and what `check` says. Without commands:\n");
+    println!("| {EDGES} | first STOP after | all values fresh after |\n| --- | --- | --- | --- | --- |");
+    for row in rows {
+        let (stop, fresh) = (column(&row.until_stop, row.bounds.stop), column(&row.until_fresh, row.bounds.fresh));
+        println!("| {} | {} | {} | {stop} | {fresh} |", row.baud, row.loss, row.rank);
+    }
+    println!("\nWith a client that runs the other drive as soon as it may:\n");
+    println!("| {EDGES} | RUN carried out after | all values fresh after |\n| --- | --- | --- | --- | --- |");
+    for row in rows {
+        let [command, fresh] =
+            [&row.until_command, &row.until_fresh_beside].map(|times| column(times, row.bounds.fresh));
+        println!("| {} | {} | {} | {command} | {fresh} |", row.baud, row.loss, row.rank);
+    }
+    println!();
+    for Found { baud, loss, rank, until_stop, until_command, beyond, met, wrong, .. } in rows {
+        let longest = met.iter().map(|(_, lasted)| *lasted).max().unwrap_or_default();
+        let most = met.iter().map(|(frames, _)| *frames).max().unwrap_or_default();
+        println!(
+            "{baud}, {loss}, rank {rank}: {beyond} of {} times beyond `check`; two masters {} times, at most {most} \
+             frames and {:.0} ms; {wrong} wrong orders",
+            2 * until_stop.len() + until_command.len(),
+            met.len(),
+            longest.as_secs_f64() * 1e3,
+        );
+    }
+}
+
+/// p50, p99 and the longest in seconds, and what they are to be at most.
+fn column(times: &[Duration], bound: Duration) -> String {
     let mut times = times.to_vec();
     times.sort();
-    let at = |hundredths: usize| times[(times.len() * hundredths / 100).min(times.len() - 1)].as_secs_f64();
-    format!("{:.2} s | {:.2} s | {:.2} s", at(50), at(99), at(100))
+    let at =
+        |hundredths: usize| times.get((times.len() * hundredths / 100).min(times.len().saturating_sub(1))).copied();
+    let all = [at(50), at(99), at(100), Some(bound)];
+    let shown = all.map(|time| time.map_or_else(|| "-".to_owned(), |time| format!("{:.2}", time.as_secs_f64())));
+    shown.join(", ")
 }
 
-fn measured(baud: u32, loss: Loss, rounds: usize) -> Found {
+/// What `rounds` losses led to, of which each half takes the line over in every second one.
+fn measured(baud: u32, loss: Loss, bounds: &[Bounds; 2], rounds: usize) -> [Found; 2] {
     let mut pair = Pair::new(baud);
     let mut random = fastrand::Rng::with_seed(baud.into());
-    let mut found = Found::default();
+    let mut of_ranks = [0, 1].map(|rank| Found::new(baud, loss, rank, bounds[rank]));
     pair.start_one_behind_the_other();
     let mut ups = [1, 1];
     for round in 0..rounds {
@@ -102,24 +136,57 @@ fn measured(baud: u32, loss: Loss, rounds: usize) -> Found {
         let lost_at = lose(&mut pair, active, loss);
         let seen = pair.hub.count();
         let next = other(active);
+        // Each half takes the line over with such a client and without.
+        let watched = watch(&pair, next, seen, round % 4 >= 2);
         let stop = pair.wait_for_stop(next, seen);
-        found.until_stop.push(stop.start.since(lost_at));
-        found.until_fresh.push(first_reply(&pair, next, seen).since(lost_at));
+        let found = &mut of_ranks[usize::from(next == B)];
+        found.add(lost_at, stop.start, &watched);
         bring_back(&mut pair, active, loss, &mut ups);
         pair.wait_until_it_stands(1);
+        pair.wait_until_it_stands(2);
         // Long enough for one that has not given up to be heard.
         let back = pair.hub.count();
         pair.wait_for_requests(next, 20, back);
-        let wrong = pair.orders(seen).into_iter().filter(|order| *order != (next, 1, STOP.0, STOP.1)).count();
+        let wrong = wrong_orders(&pair, next, seen, watched.commanded);
         let met = meetings(&pair.hub.frames(from), &[A, B]);
         if wrong > 0 || met.iter().any(|meeting| meeting.frames > 1) {
-            println!("{baud} {loss}, round {round}: {:?}, {met:?}", pair.orders(seen));
+            println!("{baud}, {loss}, round {round}: {:?}, {met:?}", pair.orders(seen));
             println!("{}", pair.told(pair.hub.frames(seen)));
         }
         found.wrong += wrong;
         found.met.extend(met.into_iter().map(|meeting| (meeting.frames, meeting.lasted)));
     }
-    found
+    of_ranks
+}
+
+impl Found {
+    fn new(baud: u32, loss: Loss, rank: usize, bounds: Bounds) -> Self {
+        Self {
+            baud,
+            loss,
+            rank,
+            bounds,
+            until_stop: Vec::new(),
+            until_fresh: Vec::new(),
+            until_command: Vec::new(),
+            until_fresh_beside: Vec::new(),
+            beyond: 0,
+            met: Vec::new(),
+            wrong: 0,
+        }
+    }
+
+    /// One round.
+    fn add(&mut self, lost_at: MonoTime, stop_at: MonoTime, watched: &Watched) {
+        let (stop, fresh) = (stop_at.since(lost_at), watched.fresh_at.since(lost_at));
+        let command = watched.commanded.map(|it| it.answered_at.since(lost_at));
+        self.until_stop.push(stop);
+        if command.is_some() { &mut self.until_fresh_beside } else { &mut self.until_fresh }.push(fresh);
+        self.until_command.extend(command);
+        let Bounds { stop: first_stop, fresh: all_fresh } = self.bounds;
+        let beyond = [stop > first_stop, fresh > all_fresh, command.is_some_and(|it| it > all_fresh)];
+        self.beyond += beyond.into_iter().filter(|it| *it).count();
+    }
 }
 
 /// `ROUNDS=200 cargo test --locked --test process stalls_of_any_length -- --ignored --nocapture`
@@ -135,7 +202,7 @@ fn stalls_of_any_length_never_make_two_masters() {
 }
 
 fn stall_again_and_again(bus: usize, rounds: usize) {
-    let mut pair = Pair::new([9_600, 38_400][bus % 2]);
+    let mut pair = Pair::new(BAUDS[bus % 2]);
     let mut random = fastrand::Rng::with_seed(bus as u64);
     pair.start_one_behind_the_other();
     let mut changes = 0;
@@ -189,14 +256,4 @@ fn bring_back(pair: &mut Pair, end: usize, loss: Loss, ups: &mut [usize; 2]) {
             pair.half(end).wait_until_its_line_is_up(*count);
         }
     }
-}
-
-/// The end of the first reply to a read of `end`.
-fn first_reply(pair: &Pair, end: usize, seen: usize) -> MonoTime {
-    super::until("a drive answers", PATIENCE, || {
-        let frames = pair.hub.frames(seen);
-        let mut behind =
-            frames.iter().skip_while(|frame| !(frame.from == end && matches!(frame.bytes[..], [_, 3, ..])));
-        behind.find(|frame| frame.from == 1 && frame.is_sound() && frame.bytes[1] == 3).map(|frame| frame.end)
-    })
 }

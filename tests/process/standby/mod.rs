@@ -6,6 +6,7 @@ mod handing_over;
 mod measure;
 mod pair;
 mod virtual_address;
+mod watching;
 
 use super::hub::meetings;
 use super::raw::Raw;

@@ -1,9 +1,9 @@
 //! Two gateways on one played bus with two drives, and what a test does to them.
 
-use super::super::hub::{At, Frame, Hub, meetings};
-use super::super::raw::Raw;
-use super::super::rig::{Place, fields, program, terminal, vfd_gateway};
-use super::super::started::{Started, until};
+use crate::hub::{At, Frame, Hub, meetings};
+use crate::raw::Raw;
+use crate::rig::{Place, fields, program, terminal, vfd_gateway};
+use crate::started::{Started, until};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::net::SocketAddr;
@@ -20,7 +20,7 @@ pub const A: usize = 0;
 pub const B: usize = 2;
 /// The run command of the drives, the value that stops, and the uniform registers. Typed from the documents.
 pub const STOP: (u16, u16) = (0x0002, 0);
-const RUN_COMMAND: u16 = 256;
+pub const RUN_COMMAND: u16 = 256;
 const SETPOINT: u16 = 257;
 pub const REASON: u16 = 261;
 /// In microhertz.
@@ -46,13 +46,23 @@ pub struct Wish<'a> {
     pub hold_back: Duration,
     /// The drives have no power.
     pub drives_are_off: bool,
+    /// The first half is a gateway on a line of its own, which knows of no other one.
+    pub alone: bool,
 }
 
 impl Wish<'_> {
     /// The usual pair at `baud`.
     pub const fn at(baud: u32) -> Self {
         let listen = ["127.0.0.1:0"; 2];
-        Self { baud, listen, write: "127.0.0.1/32", echoes: false, hold_back: Duration::ZERO, drives_are_off: false }
+        Self {
+            baud,
+            listen,
+            write: "127.0.0.1/32",
+            echoes: false,
+            hold_back: Duration::ZERO,
+            drives_are_off: false,
+            alone: false,
+        }
     }
 }
 
@@ -85,7 +95,7 @@ impl Pair {
     }
 
     pub fn with(wish: Wish<'_>) -> Self {
-        let Wish { baud, write, echoes, .. } = wish;
+        let Wish { baud, write, echoes, alone, .. } = wish;
         let place = Place::new();
         let port = |name: &str| if echoes { At::Echoing(place.file(name)) } else { At::Port(place.file(name)) };
         let drives = At::Drives(if wish.drives_are_off { &[] } else { &[1, 2] });
@@ -98,14 +108,17 @@ impl Pair {
             std::fs::create_dir(&data).unwrap();
             let listen = wish.listen[usize::from(end == B)];
             let line = place.file(&format!("line-{name}"));
+            let standby = format!("[standby]\nhalf = \"{name}\"\npartner = \"{partner}\"\nrank = {rank}\n\n");
+            let (standby, of_line) = if alone { (String::new(), "") } else { (standby, "standby = true\n") };
             let head = format!(
-                "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n[standby]\nhalf = \"{name}\"\npartner = \"{partner}\"\n\
-                 rank = {rank}\n\n[[modbus_tcp]]\nlisten = \"{listen}\"\nallow = [\"{write}\"]\nwrite = [\"{write}\"]\n\n[[line]]\n\
-                 name = \"hall-1\"\nport = \"{}\"\nbaud = {baud}\nstandby = true\n{echo}",
+                "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n{standby}[[modbus_tcp]]\nlisten = \"{listen}\"\n\
+                 allow = [\"{write}\"]\nwrite = [\"{write}\"]\n\n[[line]]\nname = \"hall-1\"\nport = \"{}\"\nbaud = {baud}\n\
+                 {of_line}{echo}",
                 data.display(),
                 line.display()
             );
-            let text = head + &drive(1, "stop") + &drive(2, "hold");
+            let drives = [(1, "stop"), (2, "hold")].map(|(station, lost)| drive(station, (!alone).then_some(lost)));
+            let text = head + &drives.concat();
             let file = place.write(&format!("{name}.toml"), &text);
             Half { end, file, modbus: ([127, 0, 0, 1], 0).into(), inside: Vec::new(), program: None }
         });
@@ -229,13 +242,7 @@ impl Pair {
 
     /// Whatever was sent behind the first `seen` frames that is no read.
     pub fn orders(&self, seen: usize) -> Vec<Order> {
-        let orders = requests(self.hub.frames(seen)).into_iter().filter(|frame| !matches!(frame.bytes[1], 3 | 4 | 8));
-        orders
-            .map(|frame| {
-                let number = |at: usize| u16::from_be_bytes([frame.bytes[at], frame.bytes[at + 1]]);
-                (frame.from, frame.bytes[0], number(2), number(4))
-            })
-            .collect()
+        orders(self.hub.frames(seen))
     }
 
     /// Behind the first `seen` frames the one at `end` has stopped station 1, once or more, and nothing else was ordered.
@@ -319,16 +326,27 @@ impl Half {
     }
 }
 
+/// What was sent by the halves among `frames` that is no read.
+pub fn orders(frames: Vec<Frame>) -> Vec<Order> {
+    let orders = requests(frames).into_iter().filter(|frame| !matches!(frame.bytes[1], 3 | 4 | 8));
+    orders
+        .map(|frame| {
+            let number = |at: usize| u16::from_be_bytes([frame.bytes[at], frame.bytes[at + 1]]);
+            (frame.from, frame.bytes[0], number(2), number(4))
+        })
+        .collect()
+}
+
 /// The whole frames of the halves.
-fn requests(frames: Vec<Frame>) -> Vec<Frame> {
+pub fn requests(frames: Vec<Frame>) -> Vec<Frame> {
     frames.into_iter().filter(|frame| (frame.from == A || frame.from == B) && frame.is_sound()).collect()
 }
 
-fn drive(station: u8, on_gateway_lost: &str) -> String {
+fn drive(station: u8, on_gateway_lost: Option<&str>) -> String {
+    let lost = on_gateway_lost.map(|action| format!("on_gateway_lost = \"{action}\"\n")).unwrap_or_default();
     format!(
         "\n[[line.drive]]\nname = \"pump-{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"250ms\"\n\n\
          [line.drive.control]\nfrom = [\"modbus-tcp\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
-         on_commander_lost = \"stop\"\nlost_after = \"10min\"\non_shutdown = \"stop\"\n\
-         on_gateway_lost = \"{on_gateway_lost}\"\n"
+         on_commander_lost = \"stop\"\nlost_after = \"10min\"\non_shutdown = \"stop\"\n{lost}"
     )
 }
