@@ -11,6 +11,7 @@ use crate::line::timeouts::ReplyTimeouts;
 use crate::line::timing::Timing;
 use crate::profile::model::PollClass;
 use crate::toml_file::values::duration_text;
+use crate::wire::signal;
 use std::time::Duration;
 
 /// Default maximum age of a line's fast values.
@@ -96,7 +97,7 @@ pub struct TakeOver {
     pub times: StandbyTimes,
     /// The longest exchange: a reply to the last request of the other gateway may come so late.
     pub exchange: Duration,
-    /// Until this gateway may send.
+    /// Until this gateway may send, and has said that it does.
     pub begins: Duration,
     /// Until its first STOP starts.
     pub first_stop: Duration,
@@ -113,7 +114,7 @@ pub struct TakeOver {
 pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
     let times = standby_times(line, pair);
     let exchange = longest_exchange(line);
-    let begins = exchange + times.worst_take_over();
+    let begins = exchange + times.worst_take_over() + claim(line);
     let StopBounds { all_healthy, one_silent, each_further } = stop_bounds(line);
     let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
     let further = each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
@@ -126,6 +127,12 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
     let settled = exchange + line.drives.iter().map(owes).max().unwrap_or_default();
     let fresh = last_stop.max(settled) + refresh(line).time;
     TakeOver { times, exchange, begins, first_stop, last_stop, settled, fresh }
+}
+
+/// How long the signal takes by which a gateway takes `line`, with the silence that follows.
+fn claim(line: &LineSettings) -> Duration {
+    let timing = timing(line).0;
+    timing.on_wire(timing.adu_bytes(signal::PDU_BYTES)) + timing.silence
 }
 
 /// Maximum additional time to confirm a stop of a drive of `line` if one of its replies is missing.

@@ -10,6 +10,7 @@ use crate::domain::problem::Problem;
 use crate::domain::standby::{OnGatewayLost, StandbyPair};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::wire::signal;
 use std::time::Duration;
 
 /// The pair of `standby`; `None` if it is invalid, see `problems`.
@@ -49,6 +50,11 @@ pub(super) fn check(file: &File, problems: &mut Vec<Problem>) {
         if let Some(rts) = line.direction.valid().filter(|it| it.value == DirectionControl::Rts) {
             let what = "with a second gateway: a program that is suspended while it holds RTS keeps the other one from sending";
             problems.push(rts.location.problem(what).right("\"adapter\" or \"kernel\""));
+        }
+        let stations = line.drives.iter().filter_map(|drive| drive.station.as_ref());
+        for station in stations.filter(|station| station.value == signal::STATION) {
+            let what = format!("the gateways of a line use station {} among themselves", station.value);
+            problems.push(station.location.problem(what).right("another station of the drive"));
         }
     }
 }

@@ -40,11 +40,10 @@ impl LineCore {
         if !self.is_open || self.wire.is_busy() || now < self.free_from() || !self.may_send(now) {
             return;
         }
-        if self.stop_all(now) || self.hand_over(now) {
+        if self.claim(now) || self.stop_all(now) || self.hand_over(now) {
             return;
         }
-        let picked = self.pick(now).or_else(|| self.pick_sign_of_life(now));
-        let Some((drive, request, purpose)) = picked else { return };
+        let Some((drive, request, purpose)) = self.pick(now) else { return self.sign_of_life(now) };
         self.cut_short = None;
         let asked = &self.drives[drive];
         let station = asked.setup.station;
@@ -234,7 +233,8 @@ impl LineCore {
         if self.listens() {
             return None;
         }
-        let work = [self.work_at(), self.sign_of_life_at(), self.yields_at()].into_iter().flatten().min()?;
+        let any = || [self.work_at(), self.sign_of_life_at(), self.yields_at()].into_iter().flatten().min();
+        let work = self.claims_at().or_else(any)?;
         Some(if work > silence {
             Wake { at: work, reason: WakeReason::WorkDue }
         } else {

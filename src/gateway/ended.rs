@@ -207,8 +207,9 @@ impl LineCore {
                 continue;
             }
             // The adapter does not echo: another gateway has asked the same.
-            let is_no_echo = heard.kind == TrafficKind::Echo && self.is_no_echo();
-            if is_no_echo || matches!(heard.kind, TrafficKind::OtherMaster(_)) {
+            let is_no_echo = heard.kind == TrafficKind::Echo && self.is_no_echo(&heard.bytes);
+            let is_foreign = matches!(heard.kind, TrafficKind::OtherMaster(_)) && !self.is_own_signal(&heard.bytes);
+            if is_no_echo || is_foreign {
                 rival = self.share.is_some().then(|| heard.bytes.clone());
             }
             match heard.kind {

@@ -7,10 +7,10 @@ use crate::domain::traffic::TrafficKind;
 use crate::drive::decode;
 use crate::drive::snapshot::Presence;
 use crate::line::exchange::{Ending, Heard};
-use crate::line::handover;
 use crate::line::overheard::Overheard;
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
+use crate::wire::signal::Signal;
 
 /// Requests in a row that a station leaves unanswered before a listener shows it as offline.
 const SILENT_AFTER: u8 = 3;
@@ -38,19 +38,16 @@ impl LineCore {
 
     pub(super) fn overhear(&mut self, now: MonoTime, at: MonoTime, station: Station, pdu: &[u8]) {
         let Some(share) = &mut self.share else { return };
-        if handover::is_handover(station, pdu) {
-            share.listener.clear();
-            share.has_heard_other = true;
-            return share.rule.handed_over(at);
+        if let Some(signal) = Signal::decode(station, pdu) {
+            let unanswered = share.heard_signal(at, signal);
+            return self.is_unanswered(now, unanswered);
         }
         match share.listener.take(station, pdu) {
             // It may be the late one to a request of our own.
             Overheard::Alone => share.rule.heard_alone(at),
             Overheard::Request { station, request, unanswered } => {
                 share.another_sends(at);
-                if let Some(index) = unanswered.and_then(|station| self.drives.at_station(station)) {
-                    self.is_unanswered(now, index);
-                }
+                self.is_unanswered(now, unanswered);
                 self.overhear_order(at, station, &request);
             }
             Overheard::Answer { station, request, ending } => {
@@ -62,8 +59,9 @@ impl LineCore {
         }
     }
 
-    /// Another gateway has asked a drive in vain.
-    fn is_unanswered(&mut self, now: MonoTime, index: DriveIndex) {
+    /// Another gateway has asked the drive at `station` in vain.
+    fn is_unanswered(&mut self, now: MonoTime, station: Option<Station>) {
+        let Some(index) = station.and_then(|station| self.drives.at_station(station)) else { return };
         let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) else { return };
         *count = count.saturating_add(1);
         if *count >= SILENT_AFTER {

@@ -33,12 +33,6 @@ impl LineCore {
         Some(self.probe_any(now))
     }
 
-    /// On a shared line: the read that the other gateways hear, if it is due.
-    pub(super) fn pick_sign_of_life(&self, now: MonoTime) -> Option<Picked> {
-        self.sign_of_life_at().filter(|at| now >= *at)?;
-        Some(self.probe_any(now))
-    }
-
     /// A read for its own sake, if possible of a drive that answers.
     fn probe_any(&self, now: MonoTime) -> Picked {
         let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());

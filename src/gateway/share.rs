@@ -1,9 +1,12 @@
 //! What this gateway knows of a line that it shares with others.
 
 use super::setup::LineSetup;
+use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::line::overheard::Listener;
 use crate::line::standby::Standby;
+use crate::wire::pdu::Request;
+use crate::wire::signal::{Signal, SignalKind};
 
 /// The share of this gateway in a line.
 #[derive(Debug)]
@@ -18,8 +21,10 @@ pub(super) struct Share {
     pub is_confirmed: bool,
     /// Until when the line is to be handed over, as soon as nothing is under way.
     pub yields_until: Option<MonoTime>,
-    /// The frame that hands it over is on its way to the port.
-    pub hands_over: bool,
+    /// The signal that is on its way to the port.
+    pub signal: Option<SignalKind>,
+    /// The number of this start of the gateway in its signals.
+    sender: u16,
     pub take_overs: u64,
     pub given_up: u64,
     pub rivals: u64,
@@ -35,11 +40,35 @@ impl Share {
             has_heard_other: false,
             is_confirmed: false,
             yields_until: None,
-            hands_over: false,
+            signal: None,
+            sender: sender(setup.first_epoch),
             take_overs: 0,
             given_up: 0,
             rivals: 0,
         })
+    }
+
+    /// The request of a signal of this gateway, which is sent next.
+    pub fn signal(&mut self, kind: SignalKind) -> Request {
+        self.signal = Some(kind);
+        Signal { kind, sender: self.sender }.request()
+    }
+
+    /// Whether `signal` is a copy of one of this gateway.
+    pub const fn is_own(&self, signal: Signal) -> bool {
+        signal.sender == self.sender
+    }
+
+    /// A listener heard `signal` at `at`. Returns the station that was asked before it and did not answer.
+    pub fn heard_signal(&mut self, at: MonoTime, signal: Signal) -> Option<Station> {
+        if self.is_own(signal) {
+            return None;
+        }
+        self.another_sends(at);
+        if signal.kind == SignalKind::HandOver {
+            self.rule.handed_over(at);
+        }
+        self.listener.silent()
     }
 
     /// A listener heard another gateway, or its drives answer it, at `at`.
@@ -47,4 +76,10 @@ impl Share {
         self.has_heard_other = true;
         self.rule.heard(at);
     }
+}
+
+/// The number of a start with this first epoch.
+fn sender(first_epoch: u64) -> u16 {
+    // Fibonacci hashing: epochs differ in some of their bits.
+    u16::try_from(first_epoch.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 48).unwrap_or_default()
 }

@@ -12,9 +12,9 @@ use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::Why;
 use crate::line::echo::LocalEcho;
-use crate::line::handover;
 use crate::line::standby::Change;
 use crate::wire::framing;
+use crate::wire::signal::{self, Signal, SignalKind};
 use std::time::Duration;
 
 /// How long a line that is to be handed over waits for a moment at which nothing is under way.
@@ -58,8 +58,7 @@ impl LineCore {
 
     /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
     pub fn transmitted(&mut self, now: MonoTime) {
-        let hands_over = self.share.as_mut().is_some_and(|share| std::mem::take(&mut share.hands_over));
-        if hands_over {
+        if self.share.as_mut().and_then(|share| share.signal.take()) == Some(SignalKind::HandOver) {
             return self.give_way(now);
         }
         if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
@@ -97,16 +96,50 @@ impl LineCore {
             share.yields_until = None;
             return false;
         }
-        if is_busy || self.drives.at_station(handover::STATION).is_some() {
+        if is_busy {
             return false;
         }
         share.yields_until = None;
-        share.hands_over = true;
+        self.send_signal(now, SignalKind::HandOver);
+        true
+    }
+
+    /// Says that the line is taken, if that has to be said first. Returns whether nothing else may be sent at `now`.
+    pub(super) fn claim(&mut self, now: MonoTime) -> bool {
+        let is_claiming = self.claims_at().is_some();
+        if is_claiming {
+            self.send_signal(now, SignalKind::Active);
+        }
+        is_claiming
+    }
+
+    /// When the signal that the line is taken may be sent, if it has to be said. Stops on a jammed line don't wait for it.
+    pub(super) fn claims_at(&self) -> Option<MonoTime> {
+        self.share.as_ref().filter(|_| !self.health.is_jammed())?.rule.claims_at()
+    }
+
+    /// Nothing else is to be sent: the other gateways hear a signal, if it is time for one.
+    pub(super) fn sign_of_life(&mut self, now: MonoTime) {
+        if self.sign_of_life_at().is_some_and(|at| now >= at) {
+            self.send_signal(now, SignalKind::Active);
+        }
+    }
+
+    fn send_signal(&mut self, now: MonoTime, kind: SignalKind) {
+        let Some(share) = &mut self.share else { return };
         let mut frame = Vec::with_capacity(16);
-        self.wire.announce(now, handover::STATION.0, &handover::PDU, &mut frame);
+        self.wire.announce(now, signal::STATION, &share.signal(kind), &mut frame);
         self.counters.requests += 1;
         self.transmit(now, frame, Why::Probe);
-        true
+    }
+
+    /// Whether `frame` is a signal of this gateway, which has come back.
+    pub(super) fn is_own_signal(&self, frame: &[u8]) -> bool {
+        let Some(share) = &self.share else { return false };
+        let heard = framing::decode(self.timing.framing, frame);
+        heard
+            .and_then(|(station, pdu)| Signal::decode(Station(station), &pdu))
+            .is_some_and(|signal| share.is_own(signal))
     }
 
     /// When the line may be handed over, if that is wanted.
@@ -158,24 +191,25 @@ impl LineCore {
         (!is_jammed).then_some(Wake { at, reason: WakeReason::LineCheck })
     }
 
-    /// When a read is sent for its own sake, so that the other gateways of the line hear this one.
+    /// When a signal is sent for its own sake, so that the other gateways of the line hear this one.
     pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
         let may_be_sent = !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo));
-        self.share.as_ref().filter(|_| may_be_sent)?.rule.probe_at()
+        self.share.as_ref().filter(|_| may_be_sent)?.rule.signal_at()
     }
 
-    /// Whether a copy of our own frame comes from another gateway: they ask the same drives the same questions, and the
+    /// Whether `copy` of our own frame comes from another gateway: they ask the same drives the same questions, and the
     /// adapter is known not to echo.
-    pub(super) const fn is_no_echo(&self) -> bool {
-        self.share.is_some() && matches!(self.echo.known(), LocalEcho::Excluded | LocalEcho::NotSeen)
+    pub(super) fn is_no_echo(&self, copy: &[u8]) -> bool {
+        let may_echo = !matches!(self.echo.known(), LocalEcho::Excluded | LocalEcho::NotSeen);
+        self.share.is_some() && !may_echo && !self.is_own_signal(copy)
     }
 
     /// The first exchanges since the line was taken over show whether this gateway is the only one that took it: one that
-    /// is answered, or something damaged instead.
+    /// is answered, or silence or something damaged instead.
     pub(super) fn confirm_share(&mut self, now: MonoTime, is_answered: bool, is_damaged: bool) {
         let Some(share) = self.share.as_mut().filter(|share| !share.is_confirmed) else { return };
         share.is_confirmed = is_answered;
-        let collided = if is_damaged && !is_answered { share.rule.collided(now) } else { None };
+        let collided = if is_answered { None } else { share.rule.unanswered(now, is_damaged) };
         if let Some(change) = collided {
             self.give_up_line(now, change, None);
         }
@@ -223,8 +257,8 @@ impl LineCore {
         let Some(share) = &mut self.share else { return };
         share.take_overs += 1;
         share.is_confirmed = false;
-        // A frame that was to hand the line over, and could not be sent any more, does so no more.
-        (share.yields_until, share.hands_over) = (None, false);
+        // A signal that was to hand the line over, and could not be sent any more, does so no more.
+        (share.yields_until, share.signal) = (None, None);
         share.listener.clear();
         let heard_at = share.rule.heard_at();
         let is_first = !share.has_heard_other;

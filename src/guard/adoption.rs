@@ -38,6 +38,7 @@ impl DriveGuard {
     /// This gateway gives the line up: another one controls the drive, or will.
     pub const fn give_up(&mut self) {
         self.lease = None;
+        self.adopted = None;
     }
 
     /// The other gateway is lost at `now` before its stop took effect: it is sent again.
@@ -67,7 +68,7 @@ impl DriveGuard {
     /// The client of `origin` gives an order: if it repeats the adopted one in its cycle, or renews its lease, control is
     /// its own. A single message to run is reviewed like any other: it may be older than the loss.
     pub(super) fn take_up(&mut self, origin: Origin, order: &Order, now: MonoTime) {
-        let Some(adopted) = self.adopted else { return };
+        let Some(adopted) = self.adopted.filter(|_| self.is_adopted()) else { return };
         let is_his = match order {
             Order::Go(_) if origin.manner == Manner::Once => false,
             Order::Go(go) => match go.run() {
@@ -90,7 +91,7 @@ impl DriveGuard {
         let Some(control) = &self.control else { return };
         let by_broker_alone =
             control.from_mqtt && !(control.from_modbus_tcp || control.from_page || control.from_sparkplug);
-        if self.adopted.is_some() && way == Owner::Mqtt && by_broker_alone && control.lease == LeaseMode::Session {
+        if self.is_adopted() && way == Owner::Mqtt && by_broker_alone && control.lease == LeaseMode::Session {
             self.taken_up_by(way, now);
         }
     }
@@ -100,11 +101,16 @@ impl DriveGuard {
         self.take_lease(owner, now);
     }
 
-    /// Ends the adoption if its time is over at `now`, and returns the declared action.
-    pub(super) fn expire_adopted(&mut self, now: MonoTime) -> Option<Lost> {
+    /// Ends the adoption if its time is over at `now`, and returns the declared action; `None` if none is needed, because
+    /// the order is no longer in force and the drive is `at_rest`.
+    pub(super) fn expire_adopted(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
         self.adopted.filter(|adopted| adopted.until <= now)?;
+        let is_over = at_rest && !self.is_adopted();
         let action = self.control.as_ref()?.on_commander_lost;
         self.inhibit(now);
+        if is_over {
+            return None;
+        }
         self.failsafe = true;
         Some(self.lost(None, action, Cause::GatewayLost, now))
     }
@@ -187,6 +193,26 @@ mod tests {
         assert_eq!((guard.lease().map(|(owner, _)| owner), guard.is_adopted()), (Some(plc(1).owner), false));
         let other = guard.review(&soon(command(plc(2), run(Direction::Forward))), &facts, NOW);
         assert_eq!(other.unwrap_err().reason, Reason::OtherOwner);
+    }
+
+    #[test]
+    fn a_drive_that_was_out_of_sight_is_stopped_in_time_and_not_started_by_its_client() {
+        for at_rest in [false, true] {
+            let mut guard = lost(OnGatewayLost::Adopt);
+            assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
+            let until = guard.next_wake().unwrap();
+            guard.lost_touch(NOW);
+            let facts = Facts { at_standstill: false, rests: false, ..RESTING };
+            let found = guard.review(&soon(command(plc(1), run(Direction::Forward))), &facts, NOW);
+            assert_eq!(found.unwrap_err().reason, Reason::StartInhibited);
+            let ended = guard.expire(until, at_rest);
+            assert_eq!(ended.map(|lost| lost.cause), (!at_rest).then_some(Cause::GatewayLost));
+            assert_eq!(guard.next_wake(), None);
+        }
+        let mut guard = lost(OnGatewayLost::Adopt);
+        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
+        guard.give_up();
+        assert_eq!(guard.next_wake(), None, "another gateway controls it");
     }
 
     #[test]

@@ -212,7 +212,7 @@ impl DriveGuard {
     /// Ends the lease if it has expired at `now`, and returns the declared action; `None` if no action is needed, because
     /// the drive is ordered to stop and is `at_rest`.
     pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
-        let Some(lease) = self.lease.filter(|lease| lease.until <= now) else { return self.expire_adopted(now) };
+        let Some(lease) = self.lease.filter(|it| it.until <= now) else { return self.expire_adopted(now, at_rest) };
         self.lease = None;
         let action = self.control.as_ref()?.on_commander_lost;
         let was_ordered = matches!(self.intent, RunIntent::Run(_));
@@ -236,8 +236,7 @@ impl DriveGuard {
         Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
-    /// Inhibits the start at `now`, after a lost lease or an abandoned stop. Orders issued before, with an epoch or
-    /// without, do not start the drive.
+    /// Inhibits the start at `now`, after a lost lease or an abandoned stop: no order issued before starts the drive.
     pub fn inhibit(&mut self, now: MonoTime) {
         self.inhibited_at = Some(now);
         self.epoch += 1;
@@ -251,7 +250,10 @@ impl DriveGuard {
 
     /// The drive tripped or is offline: it may also have lost its setpoint.
     pub fn lost_touch(&mut self, now: MonoTime) {
+        let adopted = self.adopted;
         self.inhibit(now);
+        // The order of another gateway may still be in force there.
+        self.adopted = adopted;
         self.setpoint_may_be_lost();
     }
 

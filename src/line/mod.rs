@@ -23,7 +23,6 @@ pub mod diagnosis;
 pub mod echo;
 pub mod exchange;
 pub mod fault;
-pub mod handover;
 pub mod histogram;
 mod occupancy;
 pub mod overheard;

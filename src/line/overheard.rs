@@ -43,6 +43,11 @@ impl Listener {
         self.open = None;
     }
 
+    /// No answer can follow any more. Returns the station that did not answer, if one was asked.
+    pub fn silent(&mut self) -> Option<Station> {
+        self.open.take().map(|(station, _)| station)
+    }
+
     /// Takes the next sound frame of the line, from or for `station`.
     pub fn take(&mut self, station: Station, pdu: &[u8]) -> Overheard {
         if let Some((asked, request)) = self.open.take() {

@@ -1,6 +1,6 @@
 //! Several gateways on one line: the line itself is the lease.
 //!
-//! The active one sends at least every [`PROBE_AFTER`]. It may send only while it has sent within
+//! The active one sends at least every [`SIGNAL_AFTER`]. It may send only while it has sent within
 //! [`StandbyTimes::silent_at_most`]; one that was suspended for longer listens first. A listener takes the line over
 //! once it has heard no sign of another gateway for [`StandbyTimes::take_over_after`], which is longer by all that may lie
 //! between sending a frame and hearing it. So there are never two that may send, without a network and without clocks that
@@ -12,16 +12,20 @@ use crate::domain::time::MonoTime;
 use crate::wire::framing;
 use std::time::Duration;
 
-/// How long the active gateway may leave the line silent before it sends a read for its own sake.
-pub const PROBE_AFTER: Duration = Duration::from_millis(500);
+/// How long the active gateway may leave the line silent before it sends a signal for its own sake.
+pub const SIGNAL_AFTER: Duration = Duration::from_millis(500);
 /// How much later each rank takes a line over than the one before it.
 pub const RANK_STEP: Duration = Duration::from_millis(500);
 /// How much sooner each rank sends again than the one before it.
-const PROBE_STEP: Duration = Duration::from_millis(35);
+const SIGNAL_STEP: Duration = Duration::from_millis(35);
 /// The same where the line is handed over: its first frame must be heard before the next rank has its turn.
 const ACCEPT_STEP: Duration = Duration::from_millis(200);
 /// Longest random wait before a line that two gateways gave up is taken again.
 const TIE_BREAK: Duration = Duration::from_millis(500);
+/// Longest random wait before the next frame, if no drive has answered since the line was taken over.
+const CONTEND_WAIT: Duration = Duration::from_millis(250);
+/// How many times in a row one waits like that.
+const CONTEND_MAX: u8 = 3;
 /// The least of [`StandbyTimes::silent_at_most`].
 const SILENT_AT_LEAST: Duration = Duration::from_millis(1500);
 /// The least of [`StandbyTimes::take_over_after`] at rank 0.
@@ -49,9 +53,9 @@ pub struct StandbyTimes {
     pub take_over_after: Duration,
     /// How soon it takes over a line that is handed over, by its rank.
     pub accept_after: Duration,
-    /// How long it leaves the line silent while it is active, at most [`PROBE_AFTER`]. It differs by rank, so that two
+    /// How long it leaves the line silent while it is active, at most [`SIGNAL_AFTER`]. It differs by rank, so that two
     /// that are active do not stay in step, where neither hears the other.
-    pub probe_after: Duration,
+    pub signal_after: Duration,
 }
 
 impl StandbyTimes {
@@ -59,11 +63,11 @@ impl StandbyTimes {
     /// `longest_exchange`.
     #[must_use]
     pub fn shortest(timing: &Timing, longest_exchange: Duration) -> Self {
-        let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(PROBE_AFTER) + SLACK);
+        let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(SIGNAL_AFTER) + SLACK);
         let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
         let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
         let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
-        Self { silent_at_most, take_over_after, accept_after: Duration::ZERO, probe_after: PROBE_AFTER }
+        Self { silent_at_most, take_over_after, accept_after: Duration::ZERO, signal_after: SIGNAL_AFTER }
     }
 
     /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
@@ -74,7 +78,7 @@ impl StandbyTimes {
         Self {
             take_over_after: silence + RANK_STEP * rank,
             accept_after: ACCEPT_STEP * rank,
-            probe_after: PROBE_AFTER.saturating_sub(PROBE_STEP * rank),
+            signal_after: SIGNAL_AFTER.saturating_sub(SIGNAL_STEP * rank),
             ..self
         }
     }
@@ -95,8 +99,10 @@ enum State {
     /// Nothing of another gateway was heard since `quiet_from`, up to `looked_at`; the line is taken over after the usual
     /// silence and `extra`.
     Listening { quiet_from: MonoTime, looked_at: MonoTime, extra: Duration },
-    /// The last frame was sent at `sent_at`; the next is due at `probe_at`, and may be sent for `at_most` after it.
-    Active { sent_at: MonoTime, probe_at: MonoTime, at_most: Duration },
+    /// The line is taken: between `at` and `until` a signal says so, before anything else is sent.
+    Claiming { at: MonoTime, until: MonoTime },
+    /// The last frame was sent at `sent_at`.
+    Active { sent_at: MonoTime },
 }
 
 /// Why the line was given up, or taken.
@@ -110,7 +116,7 @@ pub enum Change {
     Stalled,
     /// Another master was heard.
     Rival,
-    /// What came instead of its first reply shows that another one sends as well.
+    /// What came instead of its first replies shows that another one sends as well.
     Collided,
     /// It was asked to give the line up.
     Yielded,
@@ -125,6 +131,8 @@ pub struct Standby {
     heard_at: Option<MonoTime>,
     /// When this gateway takes over a line that was handed over, unless it hears another one before.
     accept_at: Option<MonoTime>,
+    /// Frames since the line was taken over that were not answered, while none was.
+    contended: u8,
     seed: u64,
 }
 
@@ -132,7 +140,7 @@ impl Standby {
     /// The rule with `times`, on a port that is not open yet. `seed` differs between gateways and starts.
     #[must_use]
     pub const fn new(times: StandbyTimes, seed: u64) -> Self {
-        Self { times, state: State::Deaf, heard_at: None, accept_at: None, seed }
+        Self { times, state: State::Deaf, heard_at: None, accept_at: None, contended: 0, seed }
     }
 
     /// The times of the rule.
@@ -146,7 +154,7 @@ impl Standby {
     pub const fn role(&self) -> LineRole {
         match self.state {
             State::Deaf | State::Listening { .. } => LineRole::Listening,
-            State::Active { .. } => LineRole::Active,
+            State::Claiming { .. } | State::Active { .. } => LineRole::Active,
         }
     }
 
@@ -154,7 +162,20 @@ impl Standby {
     /// suspended since the frame was decided on.
     #[must_use]
     pub fn may_send(&self, now: MonoTime) -> bool {
-        matches!(self.state, State::Active { sent_at, at_most, .. } if now.since(sent_at) < at_most)
+        match self.state {
+            State::Deaf | State::Listening { .. } => false,
+            State::Claiming { at, until } => now >= at && now < until,
+            State::Active { sent_at } => now.since(sent_at) < self.times.silent_at_most,
+        }
+    }
+
+    /// From when on the next frame may be sent, which has to be a signal that the line is taken; `None` if it need not.
+    #[must_use]
+    pub const fn claims_at(&self) -> Option<MonoTime> {
+        match self.state {
+            State::Claiming { at, .. } => Some(at),
+            State::Deaf | State::Listening { .. } | State::Active { .. } => None,
+        }
     }
 
     /// Whether another gateway or master was heard so recently at `now` that it must be taken for alive.
@@ -169,11 +190,12 @@ impl Standby {
         self.heard_at
     }
 
-    /// When the active gateway sends a read for its own sake, unless it sends something else before.
+    /// When the active gateway sends a signal, unless it sends something else before.
     #[must_use]
-    pub fn probe_at(&self) -> Option<MonoTime> {
+    pub fn signal_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Active { probe_at, .. } => Some(probe_at),
+            State::Claiming { at, .. } => Some(at),
+            State::Active { sent_at } => Some(sent_at + self.times.signal_after),
             State::Deaf | State::Listening { .. } => None,
         }
     }
@@ -188,7 +210,8 @@ impl Standby {
                 let silence = quiet_from + self.times.take_over_after + extra;
                 Some(silence.min(looked_at + LOOK_EVERY).min(self.accept_at.unwrap_or(silence)))
             }
-            State::Active { sent_at, at_most, .. } => Some(sent_at + at_most),
+            State::Claiming { until, .. } => Some(until),
+            State::Active { sent_at } => Some(sent_at + self.times.silent_at_most),
         }
     }
 
@@ -203,21 +226,22 @@ impl Standby {
     pub fn port_gone(&mut self) -> bool {
         self.heard_at = None;
         self.accept_at = None;
-        matches!(std::mem::replace(&mut self.state, State::Deaf), State::Active { .. })
+        let was_active = self.is_active();
+        self.state = State::Deaf;
+        was_active
     }
 
     /// A frame is handed to the port after `now`.
     pub fn sent(&mut self, now: MonoTime) {
-        if let State::Active { .. } = self.state {
-            let at_most = self.times.silent_at_most;
-            self.state = State::Active { sent_at: now, probe_at: now + self.times.probe_after, at_most };
+        if self.is_active() {
+            self.state = State::Active { sent_at: now };
         }
     }
 
     /// At `now`, that frame was handed to the port. If that took too long, the line is given up.
     pub fn was_sent(&mut self, now: MonoTime) -> Option<Change> {
         match self.state {
-            State::Active { sent_at, .. } if now.since(sent_at) > HAND_OVER_MAX => {
+            State::Active { sent_at } if now.since(sent_at) > HAND_OVER_MAX => {
                 self.listen(now);
                 Some(Change::Stalled)
             }
@@ -245,7 +269,7 @@ impl Standby {
 
     /// A request of another master was received at `now`. Returns whether this gateway was active: it gives the line up.
     pub fn heard_request(&mut self, now: MonoTime) -> Option<Change> {
-        let gives_up = matches!(self.state, State::Active { .. });
+        let gives_up = self.is_active();
         if gives_up {
             self.listen(now);
         }
@@ -253,17 +277,30 @@ impl Standby {
         gives_up.then_some(Change::Rival)
     }
 
-    /// Instead of the first reply since the line was taken over, something damaged was received at `now`: another one may
-    /// have taken it over at the same moment.
-    pub fn collided(&mut self, now: MonoTime) -> Option<Change> {
-        let State::Active { .. } = self.state else { return None };
+    /// No drive has answered since the line was taken over, and at `now` another request was not, or what came `is_damaged`:
+    /// another one may have taken the line over at the same moment, and send in step with this one. So the next frame waits
+    /// for a random time: who waits longer hears the other one. If that does not help, the line is given up.
+    pub fn unanswered(&mut self, now: MonoTime, is_damaged: bool) -> Option<Change> {
+        let State::Active { sent_at } = self.state else { return None };
+        if self.contended < CONTEND_MAX {
+            self.contended += 1;
+            let at = now + self.random(CONTEND_WAIT);
+            let until = (at + HAND_OVER_MAX).min(sent_at + self.times.silent_at_most);
+            self.state = State::Claiming { at, until };
+            return None;
+        }
+        if !is_damaged {
+            return None;
+        }
         self.listen(now);
         Some(Change::Collided)
     }
 
     /// The operator asked at `now` to give the line up. Another gateway is expected to take it before this one does.
     pub fn give_up(&mut self, now: MonoTime, wait: Duration) -> Option<Change> {
-        let State::Active { .. } = self.state else { return None };
+        if !self.is_active() {
+            return None;
+        }
         self.state = State::Listening { quiet_from: now, looked_at: now, extra: wait };
         Some(Change::Yielded)
     }
@@ -280,16 +317,21 @@ impl Standby {
 
     fn take(&mut self, now: MonoTime) {
         self.accept_at = None;
+        self.contended = 0;
         // The others must hear it at once: the next rank is waiting.
-        self.state = State::Active { sent_at: now, probe_at: now, at_most: HAND_OVER_MAX };
+        self.state = State::Claiming { at: now, until: now + HAND_OVER_MAX };
+    }
+
+    const fn is_active(&self) -> bool {
+        matches!(self.state, State::Claiming { .. } | State::Active { .. })
     }
 
     /// Time has passed up to `now`. `is_free`: a frame could be sent now, as far as the wire is concerned.
     pub fn pass(&mut self, now: MonoTime, is_free: bool) -> Option<Change> {
         match self.state {
             State::Deaf => None,
-            State::Active { .. } if self.may_send(now) => None,
-            State::Active { .. } => {
+            State::Claiming { .. } | State::Active { .. } if self.due_at().is_some_and(|at| now < at) => None,
+            State::Claiming { .. } | State::Active { .. } => {
                 self.listen(now);
                 Some(Change::Stalled)
             }
@@ -315,12 +357,18 @@ impl Standby {
 
     /// Listens from `now` on, with a random part in the wait: whatever made two gateways send must not repeat in step.
     fn listen(&mut self, now: MonoTime) {
+        let extra = self.random(TIE_BREAK);
+        self.state = State::Listening { quiet_from: now, looked_at: now, extra };
+    }
+
+    /// A random time up to `longest`.
+    fn random(&mut self, longest: Duration) -> Duration {
         // SplitMix64.
         self.seed = self.seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mixed = (self.seed ^ (self.seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         let thousandths = u32::try_from((mixed >> 33) % 1001).unwrap_or(0);
-        self.state = State::Listening { quiet_from: now, looked_at: now, extra: TIE_BREAK * thousandths / 1000 };
+        longest * thousandths / 1000
     }
 }
 

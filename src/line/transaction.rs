@@ -201,10 +201,10 @@ impl Wire {
         self.own_echo.await_copy_of(out, true, now);
     }
 
-    /// Hands a frame that no drive answers to the port at `now`: puts it into the empty `out`. The caller has waited until
-    /// [`Wire::may_send_from`], and no exchange is open.
-    pub fn announce(&mut self, now: MonoTime, station: u8, pdu: &[u8], out: &mut Vec<u8>) {
-        framing::encode(self.timing.framing, out, station, |encoded| encoded.extend_from_slice(pdu));
+    /// Hands a `request` that no drive answers to the port at `now`: puts its frame into the empty `out`. The caller has
+    /// waited until [`Wire::may_send_from`], and no exchange is open.
+    pub fn announce(&mut self, now: MonoTime, station: Station, request: &Request, out: &mut Vec<u8>) {
+        framing::encode(self.timing.framing, out, station.0, |pdu| request.encode(pdu));
         self.flush_idle_bytes();
         self.quiet_from = now + self.timing.on_wire(out.len());
         self.occupancy.sent(now, self.pause_at(), self.quiet_from);

@@ -8,3 +8,4 @@ pub mod framing;
 pub mod mbap;
 pub mod pdu;
 pub mod rtu;
+pub mod signal;

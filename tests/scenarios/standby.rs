@@ -13,6 +13,8 @@ use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::{Input, LineNote, Note};
 use vfd_gateway::line::standby::{Change, RANK_STEP};
+use vfd_gateway::sim::FaultPlan;
+use vfd_gateway::wire::signal::{STATION, Signal};
 
 const ONE: Station = Station(1);
 const SECOND: Duration = Duration::from_secs(1);
@@ -76,7 +78,9 @@ fn an_active_gateway_without_polls_sends_every_half_second() {
     pair.pass(SECOND * 60);
     let sent: Vec<_> = pair.sent.iter().filter(|sent| sent.at > begin).collect();
     assert!((115..=121).contains(&sent.len()), "{}", sent.len());
-    assert!(sent.iter().all(|sent| sent.half == 0 && sent.pdu[0] == 3));
+    let signals = sent.iter().filter(|sent| Signal::decode(STATION, &sent.pdu).is_some()).count();
+    assert!(signals >= 110, "no drive is asked for that: {signals} of {}", sent.len());
+    assert!(sent.iter().all(|sent| sent.half == 0));
 }
 
 #[test]
@@ -151,6 +155,23 @@ fn an_adopted_drive_stops_like_one_whose_client_is_lost_unless_its_client_comes_
         let words = run_words(&pair, 1, killed);
         assert_eq!(words.contains(&0), !comes_back, "{words:?}");
         assert!(comes_back || !words.contains(&1), "nothing starts by itself: {words:?}");
+    }
+}
+
+#[test]
+fn an_adopted_drive_that_is_silent_at_first_stops_as_well() {
+    for silent in [Duration::from_millis(1500), SECOND * 6, SECOND * 25] {
+        let mut pair = running(OnGatewayLost::Adopt);
+        pair.kill(0);
+        let killed = pair.now;
+        pair.until(SECOND * 5, |pair| pair.role(1) == LineRole::Active).expect("the line is taken over");
+        pair.is_cut = true;
+        pair.pass(silent);
+        pair.is_cut = false;
+        pair.pass(SECOND * 45);
+        let words = run_words(&pair, 1, killed);
+        assert!(words.contains(&0) && !words.contains(&1), "{silent:?}: {words:?}");
+        assert_eq!(pair.output(1), 0, "{silent:?}");
     }
 }
 
@@ -313,10 +334,10 @@ fn another_master_ends_the_role_at_once() {
 #[test]
 fn a_listener_hears_frames_that_its_adapter_delivers_in_pieces() {
     for hole in [5, 16, 30] {
-        let mut pair = Pair::running(&RigOptions { poll: SECOND * 3600, ..options(OnGatewayLost::Stop) });
+        let mut pair = Pair::running(&RigOptions { poll: SECOND * 2, ..options(OnGatewayLost::Stop) });
         pair.halves[1].hole = Duration::from_millis(hole);
         let ticket = pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
-        pair.pass(SECOND * 2);
+        pair.pass(SECOND * 3);
         assert_eq!(pair.told(0, ticket), Some((Outcome::Acknowledged, Reason::None)));
         assert_eq!(pair.view(1, 0).run_state, RunState::Forward, "{hole} ms: the order was heard");
         for _ in 0..50 {
@@ -417,4 +438,59 @@ fn a_silent_drive_is_shown_as_offline_by_the_listener_too() {
     for half in [0, 1] {
         assert_eq!(pair.view(half, 0).snapshot.presence, Presence::Online, "{half}");
     }
+}
+
+/// Both take the line in the same moment, and go on in step.
+#[test]
+fn of_two_that_take_the_line_at_once_one_goes_on() {
+    let mut pair = Pair::new(2, &options(OnGatewayLost::Stop));
+    pair.start(1);
+    pair.pass(RANK_STEP);
+    pair.start(0);
+    let is_settled = |pair: &Pair| {
+        let [first, second] = [0, 1].map(|half| pair.role(half) == LineRole::Active);
+        first != second && pair.sent.len() > 4
+    };
+    let took = pair.until(SECOND * 5, is_settled).expect("one is active");
+    assert!(pair.sent[0].is_damaged && pair.sent[1].is_damaged, "they began in step");
+    assert!(took < SECOND * 4, "{took:?}: no second silence");
+    let active = [0, 1].into_iter().find(|half| pair.role(*half) == LineRole::Active).unwrap();
+    pair.pass(SECOND * 10);
+    assert_eq!(pair.role(active), LineRole::Active, "it stays so");
+    let given_up = [0, 1].map(|half| pair.core(half).report().standby.unwrap().given_up);
+    assert_eq!((given_up[active], given_up[1 - active]), (0, 1));
+}
+
+#[test]
+fn a_damaged_reply_after_a_take_over_does_not_cost_another_silence() {
+    let mut pair = running(OnGatewayLost::Stop);
+    pair.kill(0);
+    let killed = pair.now;
+    pair.bus.set_faults(FaultPlan { flip: 1000, ..FaultPlan::NONE });
+    pair.until(SECOND * 5, |pair| run_words(pair, 1, killed) == [0]).expect("a stop is sent");
+    pair.pass(Duration::from_millis(100));
+    pair.bus.set_faults(FaultPlan::NONE);
+    // Enough for the random wait, the repeated stop and the read that shows its effect.
+    let is_known = |pair: &Pair| pair.view(1, 0).run_state == RunState::Stopping;
+    let took = pair.until(SECOND * 5, is_known).expect("the drive obeys");
+    assert!(took < SECOND, "{took:?}");
+    assert_eq!(pair.core(1).report().standby.unwrap().given_up, 0);
+}
+
+/// A read every half second would keep it from ever being silent.
+#[test]
+fn a_drive_that_owes_late_replies_is_left_alone_by_the_sign_of_life() {
+    let mut pair = Pair::running(&options(OnGatewayLost::Stop));
+    pair.bus.set_faults(FaultPlan { beyond: 1000, ..FaultPlan::NONE });
+    pair.pass(SECOND * 20);
+    pair.bus.set_faults(FaultPlan::NONE);
+    let from = pair.now;
+    pair.command(0, ORIGIN, 0, STOP);
+    pair.pass(SECOND * 20);
+    let ticket = pair.command(0, ORIGIN, 0, run(Direction::Forward, Some(3000)));
+    pair.pass(SECOND * 2);
+    assert_eq!(pair.told(0, ticket), Some((Outcome::Acknowledged, Reason::None)), "the stop was confirmed before");
+    let signals = pair.sent.iter().filter(|sent| sent.at > from && Signal::decode(STATION, &sent.pdu).is_some());
+    assert!(signals.count() > 3);
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
 }

@@ -4,7 +4,7 @@ use super::text::{list, ms};
 use crate::config::line_plan::{TakeOver, take_over};
 use crate::config::{LineSettings, line_plan};
 use crate::domain::standby::OnGatewayLost;
-use crate::line::standby::{PROBE_AFTER, RANK_STEP};
+use crate::line::standby::{RANK_STEP, SIGNAL_AFTER};
 use std::fmt::{Result, Write};
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ pub(super) fn summary(line: &LineSettings) -> Option<String> {
         pair.half,
         pair.rank,
         pair.partner,
-        ms(PROBE_AFTER),
+        ms(SIGNAL_AFTER),
         ms(times.silent_at_most),
         ms(times.take_over_after),
         pair.partner,
@@ -43,7 +43,7 @@ pub(super) fn describe(text: &mut String, line: &LineSettings) -> Result {
     let TakeOver { times, exchange, begins, first_stop, last_stop, settled, fresh } = all;
     let (half, partner) = (&pair.half, &pair.partner);
     writeln!(text, "  standby: this gateway is {half} with rank {}, the other one is {partner}", pair.rank)?;
-    writeln!(text, "    who is active sends at least every {} (T1),", ms(PROBE_AFTER))?;
+    writeln!(text, "    who is active sends at least every {} (T1),", ms(SIGNAL_AFTER))?;
     let silent = ms(times.silent_at_most);
     writeln!(
         text,
@@ -59,7 +59,7 @@ pub(super) fn describe(text: &mut String, line: &LineSettings) -> Result {
     writeln!(text, "    if {partner} is lost, at most after that:")?;
     writeln!(
         text,
-        "      {}: {half} sends (a last reply {}, T3, and up to {} if both gave the line up)",
+        "      {}: {half} has said that it sends (a last reply {}, T3, up to {} if both gave the line up, a signal)",
         ms(begins),
         ms(exchange),
         ms(times.worst_take_over().saturating_sub(times.take_over_after)),
@@ -155,17 +155,17 @@ mod tests {
     and listens first if it has not sent for 1500 ms (T2; the longest exchange is 561 ms)
     a takes the line over after 3000 ms of silence (T3: 2500 ms as the line needs, and 500 ms for its rank)
     if b is lost, at most after that:
-      4061 ms: a sends (a last reply 561 ms, T3, and up to 500 ms if both gave the line up)
-      4623 ms: the first STOP starts (and the bound of a stop on the line)
-      4654 ms: the last of 2 STOPs starts
+      4074 ms: a has said that it sends (a last reply 561 ms, T3, up to 500 ms if both gave the line up, a signal)
+      4636 ms: the first STOP starts (and the bound of a stop on the line)
+      4667 ms: the last of 2 STOPs starts
         for those that were ordered to run: pump-1 (stop), pump-2 (coast)
-      4901 ms: all values are fresh (and one full refresh, 247 ms),
+      4914 ms: all values are fresh (and one full refresh, 247 ms),
         and commands are accepted; RUN without `epoch` or `issued_at` up to 3000 ms (`restart_delay`) after a stop
 ";
         assert_eq!(part, expected);
         assert!(found.contains("; other gateway lost: coast\n"), "{found}");
         let row = "standby on hall (a, rank 1; the other one is b): T1 500 ms, T2 1500 ms, T3 3000 ms; if b is lost, at most: first \
-                   STOP after 4623 ms, fresh values and commands after 4901 ms\n";
+                   STOP after 4636 ms, fresh values and commands after 4914 ms\n";
         let summary = summary::summary(&config);
         assert!(summary.contains(row), "{summary}");
     }

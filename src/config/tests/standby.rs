@@ -161,6 +161,13 @@ fn a_line_that_cannot_be_heard_has_no_second_gateway() {
 }
 
 #[test]
+fn the_station_of_the_gateways_is_no_drive() {
+    let told = problems(&with(&pair(), "station = 1\n", "station = 250\n"));
+    let expected = "line[0].drive[0].station: the gateways of a line use station 250 among themselves; another station of the drive";
+    assert!(told.iter().any(|problem| problem == expected), "{told:?}");
+}
+
+#[test]
 fn no_program_holds_the_line_while_it_is_suspended() {
     let switched = |by: &str| with(&pair(), "standby = true", &format!("standby = true\nrs485 = \"{by}\""));
     only(

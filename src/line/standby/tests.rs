@@ -57,9 +57,9 @@ fn a_listener_takes_the_line_over_after_the_silence_and_sends_at_once() {
     assert_eq!(silent(&mut rule, 14_998), None);
     assert_eq!(rule.pass(at(14_999), false), None, "something is on the wire");
     assert_eq!(rule.pass(at(15_001), true), Some(Change::TakenOver));
-    assert_eq!((rule.probe_at(), rule.may_send(at(15_001))), (Some(at(15_001)), true));
+    assert_eq!((rule.claims_at(), rule.may_send(at(15_001))), (Some(at(15_001)), true));
     rule.sent(at(15_010));
-    assert_eq!((rule.probe_at(), rule.was_sent(at(15_011))), (Some(at(15_510)), None));
+    assert_eq!((rule.claims_at(), rule.signal_at(), rule.was_sent(at(15_011))), (None, Some(at(15_510)), None));
     // Its own exchange is no sign of another gateway.
     rule.heard(at(15_020));
     assert_eq!((rule.role(), rule.hears_other(at(15_100))), (LineRole::Active, false));
@@ -109,6 +109,43 @@ fn a_rival_ends_the_role_and_a_lost_port_does() {
 }
 
 #[test]
+fn two_that_took_the_line_in_step_wait_for_different_times() {
+    let at = MonoTime::from_millis;
+    let claims = |seed| {
+        let mut rule = Standby::new(StandbyTimes::shortest(&timing(9600), MS(300)), seed);
+        rule.port_opened(at(0));
+        assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
+        rule.sent(at(2500));
+        assert_eq!(rule.unanswered(at(2600), true), None);
+        assert_eq!(rule.role(), LineRole::Active, "for now");
+        let claims_at = rule.claims_at().expect("it says once more that it has taken the line");
+        assert!(claims_at >= at(2600) && claims_at <= at(2600) + CONTEND_WAIT);
+        (rule, claims_at)
+    };
+    let [(mut first, first_at), (mut second, second_at)] = [1, 2].map(claims);
+    assert!(first_at < second_at);
+    assert!(!second.may_send(first_at) && first.may_send(first_at) && second.may_send(second_at));
+    assert_eq!(second.heard_request(first_at), Some(Change::Rival));
+
+    // The first stays active. One that gets only damaged replies gives the line up in the end; silence does not matter.
+    let mut now = first_at;
+    for _ in 1..CONTEND_MAX {
+        first.sent(now);
+        assert_eq!(first.unanswered(now, true), None);
+        now = first.claims_at().expect("it says so again");
+    }
+    first.sent(now);
+    assert_eq!((first.unanswered(now, false), first.claims_at()), (None, None));
+    assert_eq!(first.unanswered(now, true), Some(Change::Collided));
+    // One that stalled meanwhile may not send for longer than any other.
+    let (mut late, _) = claims(3);
+    late.sent(at(3000));
+    assert_eq!(late.unanswered(at(4400), true), None);
+    assert!(!late.may_send(at(4500)));
+    assert_eq!(silent(&mut late, 4600), Some((4500, Change::Stalled)));
+}
+
+#[test]
 fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
     let at = MonoTime::from_millis;
     let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
@@ -150,6 +187,8 @@ enum Fate {
     Runs,
     /// It runs and has nothing to send before it must.
     RunsIdle,
+    /// It runs, and if it sends, no drive answers.
+    RunsInVain,
     /// It is suspended.
     Stalls,
     /// It is suspended between the check and the port.
@@ -158,7 +197,8 @@ enum Fate {
     Restarts,
 }
 
-const FATES: [Fate; 5] = [Fate::Runs, Fate::RunsIdle, Fate::Stalls, Fate::StallsAtThePort, Fate::Restarts];
+const FATES: [Fate; 6] =
+    [Fate::Runs, Fate::RunsIdle, Fate::RunsInVain, Fate::Stalls, Fate::StallsAtThePort, Fate::Restarts];
 
 impl Node {
     /// Everything that decides what may happen, without the absolute time. Longer ages make no difference.
@@ -170,9 +210,11 @@ impl Node {
             State::Listening { quiet_from, looked_at, extra } => {
                 (1, age(quiet_from), age(looked_at).min(500) * 10_000 + extra.as_millis(), heard, self.held)
             }
-            State::Active { sent_at, probe_at, at_most } => {
-                (2, age(sent_at), probe_at.since(self.now).as_millis() + at_most.as_millis() * 10_000, heard, self.held)
+            State::Claiming { at, until } => {
+                let rest = |at: MonoTime| at.since(self.now).as_millis();
+                (2, age(at), rest(at) + rest(until) * 10_000, heard, self.held)
             }
+            State::Active { sent_at } => (3 + self.rule.contended, age(sent_at), 0, heard, self.held),
         }
     }
 
@@ -185,17 +227,22 @@ impl Node {
                 self.rule.port_opened(self.now);
                 false
             }
-            Fate::Runs | Fate::RunsIdle | Fate::StallsAtThePort => {
+            Fate::Runs | Fate::RunsIdle | Fate::RunsInVain | Fate::StallsAtThePort => {
                 if std::mem::take(&mut self.held) {
                     self.rule.was_sent(self.now);
                     return true;
                 }
                 self.rule.pass(self.now, true);
-                let is_due = self.rule.probe_at().is_some_and(|at| self.now + MS_250 > at);
+                let is_due = self.rule.signal_at().is_some_and(|at| self.now + MS_250 > at);
                 if !self.rule.may_send(self.now) || (fate == Fate::RunsIdle && !is_due) {
                     return false;
                 }
                 self.rule.sent(self.now);
+                if fate == Fate::RunsInVain {
+                    // One wait, then the line is given up: more of the same shows nothing new.
+                    self.rule.contended = self.rule.contended.max(CONTEND_MAX - 1);
+                    self.rule.unanswered(self.now, true);
+                }
                 self.held = fate == Fate::StallsAtThePort;
                 !self.held
             }
@@ -256,8 +303,15 @@ fn hear(pair: &mut [Node; 2], sent: [bool; 2], fates: [Fate; 2]) {
             pair[to].rule.heard_request(now);
         }
         // A random wait is as short or as long as it can be.
-        if let State::Listening { extra, .. } = &mut pair[to].rule.state {
-            *extra = if *extra >= TIE_BREAK / 2 { TIE_BREAK } else { Duration::ZERO };
+        let now = pair[to].now;
+        match &mut pair[to].rule.state {
+            State::Listening { extra, .. } => {
+                *extra = if *extra >= TIE_BREAK / 2 { TIE_BREAK } else { Duration::ZERO };
+            }
+            State::Claiming { at, .. } if *at > now => {
+                *at = if at.since(now) >= CONTEND_WAIT / 2 { now + CONTEND_WAIT } else { now };
+            }
+            _ => {}
         }
     }
 }
