@@ -85,4 +85,9 @@ pub struct StandbyReport {
     pub rivals: u64,
     /// Whether another gateway or master was heard within the time after which the line would be taken over.
     pub hears_other: bool,
+    /// While this gateway is active: whether another one listens, which it asks now and then. `None` while that is not
+    /// known.
+    pub listener: Option<bool>,
+    /// How often the line was not handed over, because no other gateway answered.
+    pub kept: u64,
 }

@@ -37,10 +37,13 @@ impl LineCore {
     /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line only stops
     /// are sent, over the babble.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        if !self.is_open || self.wire.is_busy() || now < self.free_from() || !self.may_send(now) {
+        if !self.is_open || self.wire.is_busy() || now < self.free_from() {
             return;
         }
-        if self.claim(now) || self.stop_all(now) || self.hand_over(now) {
+        if self.answer_question(now) || !self.may_send(now) {
+            return;
+        }
+        if self.claim(now) || self.stop_all(now) || self.call_roll(now) || self.hand_over(now) {
             return;
         }
         let Some((drive, request, purpose)) = self.pick(now) else { return self.sign_of_life(now) };
@@ -231,10 +234,14 @@ impl LineCore {
             return Some(Wake { at, reason: WakeReason::SilentInterval });
         }
         if self.listens() {
-            return None;
+            let at = self.answer_at()?.max(silence);
+            return Some(Wake { at, reason: WakeReason::WorkDue });
         }
-        let any = || [self.work_at(), self.sign_of_life_at(), self.yields_at()].into_iter().flatten().min();
-        let work = self.claims_at().or_else(any)?;
+        let any = || {
+            let others = [self.sign_of_life_at(), self.yields_at(), self.roll_call_at()];
+            others.into_iter().chain([self.work_at()]).flatten().min()
+        };
+        let work = self.claims_at().or_else(|| self.silent_until()).or_else(any)?;
         Some(if work > silence {
             Wake { at: work, reason: WakeReason::WorkDue }
         } else {
@@ -269,7 +276,7 @@ impl LineCore {
     }
 
     /// When the next wish up to `last_rank` may be granted.
-    fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
+    pub(super) fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
         let wants = self.drives.iter().flat_map(|drive| drive.work.wants().map(move |want| (drive, want)));
         let urgent = wants.filter(|(_, want)| want.rank <= last_rank);
         urgent.map(|(drive, want)| drive.wanted_from(&want)).min()

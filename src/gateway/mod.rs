@@ -41,6 +41,7 @@ mod overhear;
 mod port;
 mod probe;
 mod report;
+mod roll_call;
 mod setup;
 mod share;
 mod standby;

@@ -38,8 +38,10 @@ impl LineCore {
 
     pub(super) fn overhear(&mut self, now: MonoTime, at: MonoTime, station: Station, pdu: &[u8]) {
         let Some(share) = &mut self.share else { return };
+        // Whatever follows a question ends the time for its answer.
+        share.answer = None;
         if let Some(signal) = Signal::decode(station, pdu) {
-            let unanswered = share.heard_signal(at, signal);
+            let unanswered = share.heard_signal(now, at, signal);
             return self.is_unanswered(now, unanswered);
         }
         match share.listener.take(station, pdu) {

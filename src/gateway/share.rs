@@ -4,6 +4,7 @@ use super::setup::LineSetup;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::line::overheard::Listener;
+use crate::line::roll_call::{Answer, RollCall};
 use crate::line::standby::Standby;
 use crate::wire::pdu::Request;
 use crate::wire::signal::{Signal, SignalKind};
@@ -21,6 +22,12 @@ pub(super) struct Share {
     pub is_confirmed: bool,
     /// Until when the line is to be handed over, as soon as nothing is under way.
     pub yields_until: Option<MonoTime>,
+    /// While this gateway is active: whether another one listens.
+    pub roll_call: Option<RollCall>,
+    /// The answer that it owes as a listener.
+    pub answer: Option<Answer>,
+    /// It gave the line up by itself, and no other gateway was heard since.
+    pub gave_way: bool,
     /// The signal that is on its way to the port.
     pub signal: Option<SignalKind>,
     /// The number of this start of the gateway in its signals.
@@ -28,6 +35,7 @@ pub(super) struct Share {
     pub take_overs: u64,
     pub given_up: u64,
     pub rivals: u64,
+    pub kept: u64,
 }
 
 impl Share {
@@ -40,11 +48,15 @@ impl Share {
             has_heard_other: false,
             is_confirmed: false,
             yields_until: None,
+            roll_call: None,
+            answer: None,
+            gave_way: false,
             signal: None,
             sender: sender(setup.first_epoch),
             take_overs: 0,
             given_up: 0,
             rivals: 0,
+            kept: 0,
         })
     }
 
@@ -59,14 +71,21 @@ impl Share {
         signal.sender == self.sender
     }
 
-    /// A listener heard `signal` at `at`. Returns the station that was asked before it and did not answer.
-    pub fn heard_signal(&mut self, at: MonoTime, signal: Signal) -> Option<Station> {
-        if self.is_own(signal) {
+    /// A listener heard at `now` a `signal` that ended at `at`. Returns the station that was asked before it and did not
+    /// answer.
+    pub fn heard_signal(&mut self, now: MonoTime, at: MonoTime, signal: Signal) -> Option<Station> {
+        // Another listener does not send on its own.
+        if self.is_own(signal) || signal.kind == SignalKind::Listening {
             return None;
         }
+        let is_attentive = self.rule.is_attentive(now);
         self.another_sends(at);
-        if signal.kind == SignalKind::HandOver {
-            self.rule.handed_over(at);
+        match signal.kind {
+            SignalKind::HandOver => self.rule.handed_over(at),
+            SignalKind::Question if is_attentive => {
+                self.answer = Some(Answer::to_question(now, at, self.rule.times().answer_after));
+            }
+            SignalKind::Active | SignalKind::Question | SignalKind::Listening => {}
         }
         self.listener.silent()
     }
@@ -74,6 +93,7 @@ impl Share {
     /// A listener heard another gateway, or its drives answer it, at `at`.
     pub fn another_sends(&mut self, at: MonoTime) {
         self.has_heard_other = true;
+        self.gave_way = false;
         self.rule.heard(at);
     }
 }

@@ -12,6 +12,7 @@ use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::Why;
 use crate::line::echo::LocalEcho;
+use crate::line::roll_call::RollCall;
 use crate::line::standby::Change;
 use crate::wire::framing;
 use crate::wire::signal::{self, Signal, SignalKind};
@@ -34,9 +35,10 @@ impl LineCore {
     /// The role of this gateway on the line; `None` if it is alone there.
     pub(super) fn standby_report(&self) -> Option<StandbyReport> {
         let share = self.share.as_ref()?;
-        let Share { take_overs, given_up, rivals, .. } = *share;
+        let Share { take_overs, given_up, rivals, kept, .. } = *share;
         let hears_other = share.rule.hears_other(self.effects.now());
-        Some(StandbyReport { role: share.rule.role(), take_overs, given_up, rivals, hears_other })
+        let listener = share.roll_call.and_then(|call| call.listener());
+        Some(StandbyReport { role: share.rule.role(), take_overs, given_up, rivals, hears_other, listener, kept })
     }
 
     /// Whether a frame may be decided on at `now`. On a jammed line nothing but stops is sent, over the babble, where no
@@ -49,6 +51,11 @@ impl LineCore {
     /// process that was suspended since the decision may no longer send: another gateway may have taken the line over. The
     /// exchange then ends as if the drive were silent.
     pub fn may_transmit(&mut self, now: MonoTime) -> bool {
+        if let Some(share) = &self.share
+            && share.signal == Some(SignalKind::Listening)
+        {
+            return share.answer.is_some_and(|answer| answer.may_be_sent(now));
+        }
         let may = self.may_send(now);
         if let Some(share) = self.share.as_mut().filter(|_| may) {
             share.rule.sent(now);
@@ -58,8 +65,11 @@ impl LineCore {
 
     /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
     pub fn transmitted(&mut self, now: MonoTime) {
-        if self.share.as_mut().and_then(|share| share.signal.take()) == Some(SignalKind::HandOver) {
-            return self.give_way(now);
+        match self.share.as_mut().and_then(|share| share.signal.take()) {
+            Some(SignalKind::HandOver) => return self.give_way(now),
+            Some(SignalKind::Question) => self.roll_was_called(now),
+            Some(SignalKind::Listening) => return self.share.iter_mut().for_each(|share| share.answer = None),
+            Some(SignalKind::Active) | None => {}
         }
         if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
             self.give_up_line(now, change, None);
@@ -84,6 +94,7 @@ impl LineCore {
     pub(super) fn on_yield(&mut self, now: MonoTime) {
         if let Some(share) = self.share.as_mut().filter(|share| share.rule.role() == LineRole::Active) {
             share.yields_until = Some(now + YIELD_WAIT);
+            share.roll_call.iter_mut().for_each(|call| call.ask_anew(now));
         }
     }
 
@@ -96,8 +107,15 @@ impl LineCore {
             share.yields_until = None;
             return false;
         }
-        if is_busy {
-            return false;
+        match share.roll_call.and_then(|call| call.listener()) {
+            Some(true) if !is_busy => {}
+            // Nothing changes.
+            Some(false) => {
+                share.yields_until = None;
+                share.kept += 1;
+                return false;
+            }
+            Some(true) | None => return false,
         }
         share.yields_until = None;
         self.send_signal(now, SignalKind::HandOver);
@@ -125,7 +143,7 @@ impl LineCore {
         }
     }
 
-    fn send_signal(&mut self, now: MonoTime, kind: SignalKind) {
+    pub(super) fn send_signal(&mut self, now: MonoTime, kind: SignalKind) {
         let Some(share) = &mut self.share else { return };
         let mut frame = Vec::with_capacity(16);
         self.wire.announce(now, signal::STATION, &share.signal(kind), &mut frame);
@@ -135,17 +153,23 @@ impl LineCore {
 
     /// Whether `frame` is a signal of this gateway, which has come back.
     pub(super) fn is_own_signal(&self, frame: &[u8]) -> bool {
-        let Some(share) = &self.share else { return false };
-        let heard = framing::decode(self.timing.framing, frame);
-        heard
-            .and_then(|(station, pdu)| Signal::decode(Station(station), &pdu))
-            .is_some_and(|signal| share.is_own(signal))
+        self.signal_in(frame).is_some_and(|(_, is_own)| is_own)
+    }
+
+    /// The signal in `frame`, and whether it is one of this gateway.
+    pub(super) fn signal_in(&self, frame: &[u8]) -> Option<(Signal, bool)> {
+        let share = self.share.as_ref()?;
+        let (station, pdu) = framing::decode(self.timing.framing, frame)?;
+        let signal = Signal::decode(Station(station), &pdu)?;
+        Some((signal, share.is_own(signal)))
     }
 
     /// When the line may be handed over, if that is wanted.
     pub(super) fn yields_at(&self) -> Option<MonoTime> {
-        let until = self.share.as_ref()?.yields_until?;
-        Some(if self.drives.works().any(DriveWork::has_orders) { until } else { MonoTime::ZERO })
+        let share = self.share.as_ref()?;
+        let until = share.yields_until?;
+        let is_known = share.roll_call.is_some_and(|call| call.listener().is_some());
+        Some(if is_known && !self.drives.works().any(DriveWork::has_orders) { MonoTime::ZERO } else { until })
     }
 
     /// The frame that hands the line over is out.
@@ -153,6 +177,7 @@ impl LineCore {
         let Some(share) = &mut self.share else { return };
         // Every rank has had its turn by then.
         let wait = share.rule.times().take_over_after;
+        share.gave_way = true;
         if let Some(change) = share.rule.give_up(now, wait) {
             self.give_up_line(now, change, None);
         }
@@ -244,6 +269,7 @@ impl LineCore {
     fn count_given_up(&mut self, now: MonoTime) {
         if let Some(share) = &mut self.share {
             share.given_up += 1;
+            share.roll_call = None;
             share.listener.clear();
             share.unanswered.fill(0);
         }
@@ -257,6 +283,9 @@ impl LineCore {
         let Some(share) = &mut self.share else { return };
         share.take_overs += 1;
         share.is_confirmed = false;
+        (share.roll_call, share.answer) = (Some(RollCall::new(now)), None);
+        // No other gateway took what this one gave: its own orders go on as those of another one would.
+        let goes_on = was_handed_over || std::mem::take(&mut share.gave_way);
         // A signal that was to hand the line over, and could not be sent any more, does so no more.
         (share.yields_until, share.signal) = (None, None);
         share.listener.clear();
@@ -276,7 +305,7 @@ impl LineCore {
                 let remembered = drive.setup.remembered;
                 drive.work.remember_orders(&remembered, now, &mut self.effects);
             } else {
-                drive.work.take_over(now, was_handed_over, &mut self.effects);
+                drive.work.take_over(now, goes_on, &mut self.effects);
             }
         }
         if let Some(share) = &mut self.share {

@@ -30,6 +30,7 @@ mod own_echo;
 pub mod quality;
 pub mod quiet;
 pub mod reply_times;
+pub mod roll_call;
 pub mod schedule;
 pub mod standby;
 pub mod station;

@@ -20,6 +20,8 @@ pub const RANK_STEP: Duration = Duration::from_millis(500);
 const SIGNAL_STEP: Duration = Duration::from_millis(35);
 /// The same where the line is handed over: its first frame must be heard before the next rank has its turn.
 const ACCEPT_STEP: Duration = Duration::from_millis(200);
+/// How much later each rank answers a question.
+const ANSWER_STEP: Duration = Duration::from_millis(30);
 /// Longest random wait before a line that two gateways gave up is taken again.
 const TIE_BREAK: Duration = Duration::from_millis(500);
 /// Longest random wait before the next frame, if no drive has answered since the line was taken over.
@@ -53,6 +55,8 @@ pub struct StandbyTimes {
     pub take_over_after: Duration,
     /// How soon it takes over a line that is handed over, by its rank.
     pub accept_after: Duration,
+    /// How soon it answers when the active gateway asks who listens, by its rank: who hears another answer gives none.
+    pub answer_after: Duration,
     /// How long it leaves the line silent while it is active, at most [`SIGNAL_AFTER`]. It differs by rank, so that two
     /// that are active do not stay in step, where neither hears the other.
     pub signal_after: Duration,
@@ -67,7 +71,8 @@ impl StandbyTimes {
         let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
         let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
         let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
-        Self { silent_at_most, take_over_after, accept_after: Duration::ZERO, signal_after: SIGNAL_AFTER }
+        let (accept_after, answer_after) = (Duration::ZERO, Duration::ZERO);
+        Self { silent_at_most, take_over_after, accept_after, answer_after, signal_after: SIGNAL_AFTER }
     }
 
     /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
@@ -78,6 +83,7 @@ impl StandbyTimes {
         Self {
             take_over_after: silence + RANK_STEP * rank,
             accept_after: ACCEPT_STEP * rank,
+            answer_after: ANSWER_STEP * rank,
             signal_after: SIGNAL_AFTER.saturating_sub(SIGNAL_STEP * rank),
             ..self
         }
@@ -182,6 +188,12 @@ impl Standby {
     #[must_use]
     pub fn hears_other(&self, now: MonoTime) -> bool {
         self.heard_at.is_some_and(|at| now.since(at) <= self.times.silent_at_most)
+    }
+
+    /// Whether this gateway listens, and was not suspended right before `now`: what it has just received came just now.
+    #[must_use]
+    pub fn is_attentive(&self, now: MonoTime) -> bool {
+        matches!(self.state, State::Listening { looked_at, .. } if now.since(looked_at) <= LOOK_MAX)
     }
 
     /// When another gateway or master was last heard; `None` if never since the port was opened.

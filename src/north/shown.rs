@@ -225,6 +225,7 @@ pub fn standby(report: Option<&StandbyReport>, pair: Option<&StandbyPair>) -> Va
             "given_up": report.given_up,
             "rivals": report.rivals,
             "hears_other": report.hears_other,
+            "listener": report.listener,
         })
     })
 }

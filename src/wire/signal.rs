@@ -19,6 +19,11 @@ const ACTIVE_WORDS: u16 = 86;
 /// The number of words that says: take the line over.
 const HAND_OVER_WORDS: u16 = 70;
 
+/// The number of words that asks: who listens?
+const QUESTION_WORDS: u16 = 63;
+/// The number of words that says: I listen.
+const LISTENING_WORDS: u16 = 76;
+
 /// What a gateway says to the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalKind {
@@ -26,6 +31,10 @@ pub enum SignalKind {
     Active,
     /// It gives the line up, and asks the next one to take it over: nothing is silent for long, and no drive is stopped.
     HandOver,
+    /// It is active, and asks whether another one listens.
+    Question,
+    /// It listens: the answer to that.
+    Listening,
 }
 
 /// One frame of a gateway to the others.
@@ -44,6 +53,8 @@ impl Signal {
         let count = match self.kind {
             SignalKind::Active => ACTIVE_WORDS,
             SignalKind::HandOver => HAND_OVER_WORDS,
+            SignalKind::Question => QUESTION_WORDS,
+            SignalKind::Listening => LISTENING_WORDS,
         };
         Request::read(Address::holding(self.sender), count)
     }
@@ -58,6 +69,8 @@ impl Signal {
         let kind = match count {
             ACTIVE_WORDS => SignalKind::Active,
             HAND_OVER_WORDS => SignalKind::HandOver,
+            QUESTION_WORDS => SignalKind::Question,
+            LISTENING_WORDS => SignalKind::Listening,
             _ => return None,
         };
         (address.table() == Table::Holding).then_some(Self { kind, sender: address.number() })
@@ -70,7 +83,7 @@ mod tests {
 
     #[test]
     fn a_signal_is_what_it_was_and_nothing_else_is_one() {
-        for kind in [SignalKind::Active, SignalKind::HandOver] {
+        for kind in [SignalKind::Active, SignalKind::HandOver, SignalKind::Question, SignalKind::Listening] {
             let signal = Signal { kind, sender: 0xBEEF };
             let mut pdu = Vec::new();
             signal.request().encode(&mut pdu);

@@ -10,10 +10,24 @@ use vfd_gateway::daemon::exchange::shared::SharedLine;
 use vfd_gateway::domain::report::{LineReport, LineState};
 use vfd_gateway::domain::standby::{LineRole, StandbyReport};
 
-const ACTIVE: StandbyReport =
-    StandbyReport { role: LineRole::Active, take_overs: 1, given_up: 0, rivals: 0, hears_other: false };
-const HEARS: StandbyReport =
-    StandbyReport { role: LineRole::Listening, take_overs: 1, given_up: 1, rivals: 0, hears_other: true };
+const ACTIVE: StandbyReport = StandbyReport {
+    role: LineRole::Active,
+    take_overs: 1,
+    given_up: 0,
+    rivals: 0,
+    hears_other: false,
+    listener: None,
+    kept: 0,
+};
+const HEARS: StandbyReport = StandbyReport {
+    role: LineRole::Listening,
+    take_overs: 1,
+    given_up: 1,
+    rivals: 0,
+    hears_other: true,
+    listener: None,
+    kept: 0,
+};
 const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };
 
 fn show(line: &SharedLine, standby: StandbyReport) {

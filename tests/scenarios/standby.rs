@@ -14,7 +14,7 @@ use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::{Input, LineNote, Note};
 use vfd_gateway::line::standby::{Change, RANK_STEP};
 use vfd_gateway::sim::FaultPlan;
-use vfd_gateway::wire::signal::{STATION, Signal};
+use vfd_gateway::wire::signal::{STATION, Signal, SignalKind};
 
 const ONE: Station = Station(1);
 const SECOND: Duration = Duration::from_secs(1);
@@ -52,8 +52,9 @@ fn run_words(pair: &Pair, half: usize, from: MonoTime) -> Vec<u16> {
     pair.sent.iter().filter(writes).map(|sent| u16::from_be_bytes([sent.pdu[3], sent.pdu[4]])).collect()
 }
 
+/// Whether `half` sent anything but the answers of a listener.
 fn sends(pair: &Pair, half: usize, from: MonoTime) -> bool {
-    pair.sent.iter().any(|sent| sent.half == half && sent.at >= from)
+    pair.sent.iter().any(|sent| sent.half == half && sent.at >= from && !sent.is_of_listener())
 }
 
 #[test]
@@ -65,7 +66,7 @@ fn of_two_that_start_at_once_exactly_one_sends() {
     assert!(pair.sent.is_empty(), "everyone listens first");
     pair.pass(SECOND * 20);
     assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
-    assert!(pair.sent.iter().all(|sent| sent.half == 0));
+    assert!(!sends(&pair, 1, MonoTime::ZERO));
     // The active one alone has nothing to say for long.
     let gaps = pair.sent.windows(2).map(|two| two[1].at.since(two[0].end)).max().unwrap();
     assert!(gaps <= Duration::from_millis(510), "{gaps:?}");
@@ -80,7 +81,7 @@ fn an_active_gateway_without_polls_sends_every_half_second() {
     assert!((115..=121).contains(&sent.len()), "{}", sent.len());
     let signals = sent.iter().filter(|sent| Signal::decode(STATION, &sent.pdu).is_some()).count();
     assert!(signals >= 110, "no drive is asked for that: {signals} of {}", sent.len());
-    assert!(sent.iter().all(|sent| sent.half == 0));
+    assert!(!sends(&pair, 1, begin));
 }
 
 #[test]
@@ -270,7 +271,11 @@ fn a_gateway_that_was_suspended_listens_before_it_sends() {
             let roles = [pair.role(0), pair.role(1)];
             assert_eq!(roles.iter().filter(|role| **role == LineRole::Active).count(), 1, "{length:?} {at_port}");
             if took_over {
-                let own: Vec<_> = pair.sent.iter().filter(|sent| sent.half == 0 && sent.at >= resumed).collect();
+                let own: Vec<_> = pair
+                    .sent
+                    .iter()
+                    .filter(|sent| sent.half == 0 && sent.at >= resumed && !sent.is_of_listener())
+                    .collect();
                 let early = own.iter().filter(|sent| sent.at < resumed + SECOND * 2).count();
                 assert!(early <= usize::from(at_port), "{length:?} {at_port}: {early}");
                 let ran = run_words(&pair, 0, resumed);
@@ -413,15 +418,98 @@ fn a_handed_over_drive_whose_client_does_not_follow_stops() {
     assert_eq!((pair.role(1), pair.output(1)), (LineRole::Active, 0));
 }
 
+/// Whether `half` sent a signal of this `kind` since `from`.
+fn signals(pair: &Pair, half: usize, kind: SignalKind, from: MonoTime) -> usize {
+    let is_one = |sent: &&Sent| Signal::decode(STATION, &sent.pdu).is_some_and(|signal| signal.kind == kind);
+    pair.sent.iter().filter(|sent| sent.half == half && sent.at >= from).filter(is_one).count()
+}
+
 #[test]
-fn where_no_other_gateway_takes_the_line_it_is_taken_back() {
-    let mut pair = running(OnGatewayLost::Hold);
-    pair.kill(1);
+fn where_no_other_gateway_takes_the_line_it_is_taken_back_and_its_drives_go_on() {
+    let mut pair = running(OnGatewayLost::Stop);
+    let begin = pair.now;
     pair.tell(0, Input::Yield);
+    pair.until(SECOND * 5, |pair| signals(pair, 0, SignalKind::HandOver, begin) > 0).expect("it is handed over");
+    pair.kill(1);
     pair.pass(SECOND);
     assert_eq!(pair.role(0), LineRole::Listening);
-    pair.pass(SECOND * 10);
-    assert_eq!(pair.role(0), LineRole::Active);
+    pair.pass(SECOND * 5);
+    assert_eq!((pair.role(0), pair.output(1)), (LineRole::Active, 3000));
+    pair.command(0, ORIGIN, 0, run(Direction::Forward, Some(3000)));
+    pair.pass(SECOND);
+    assert_eq!((run_words(&pair, 0, begin).contains(&0), pair.output(1)), (false, 3000));
+}
+
+#[test]
+fn a_line_is_not_handed_over_where_no_other_gateway_listens() {
+    let mut pair = running(OnGatewayLost::Stop);
+    pair.kill(1);
+    let begin = pair.now;
+    pair.tell(0, Input::Yield);
+    for _ in 0..10 {
+        pair.tell(0, Input::PathAlive(MQTT.owner));
+        pair.pass(SECOND);
+        assert_eq!(pair.role(0), LineRole::Active);
+    }
+    assert_eq!(signals(&pair, 0, SignalKind::HandOver, begin), 0);
+    assert_eq!((pair.core(0).report().standby.unwrap().kept, pair.output(1)), (1, 3000));
+}
+
+#[test]
+fn the_active_gateway_knows_whether_another_one_listens() {
+    let mut pair = Pair::running(&options(OnGatewayLost::Stop));
+    let known = |pair: &mut Pair| pair.core(0).report().standby.unwrap().listener;
+    assert_eq!(known(&mut pair), Some(true));
+    let begin = pair.now;
+    pair.pass(SECOND * 120);
+    assert_eq!((known(&mut pair), signals(&pair, 1, SignalKind::Listening, begin)), (Some(true), 2));
+    assert_eq!(pair.sent.iter().filter(|sent| sent.half == 1 && sent.at >= begin).count(), 2, "it sends nothing else");
+    for lost in [true, false] {
+        if lost {
+            pair.kill(1);
+        } else {
+            pair.start(1);
+        }
+        pair.pass(SECOND * 65);
+        assert_eq!(known(&mut pair), Some(!lost));
+    }
+    assert!(pair.halves[0].line_notes.iter().all(|(_, note)| !matches!(note, LineNote::Rival(_))));
+}
+
+#[test]
+fn of_several_listeners_the_first_answers() {
+    let mut pair = Pair::new(3, &options(OnGatewayLost::Stop));
+    (0..3).for_each(|half| pair.start(half));
+    pair.pass(SECOND * 70);
+    let answers = [1, 2].map(|half| signals(&pair, half, SignalKind::Listening, MonoTime::ZERO));
+    assert_eq!(answers, [2, 0]);
+    assert!(pair.sent.iter().all(|sent| !sent.is_damaged));
+}
+
+#[test]
+fn a_listener_that_was_suspended_gives_no_late_answer() {
+    let mut pair = Pair::running(&options(OnGatewayLost::Stop));
+    let asked = signals(&pair, 0, SignalKind::Question, MonoTime::ZERO);
+    pair.until(SECOND * 70, |pair| signals(pair, 0, SignalKind::Question, MonoTime::ZERO) > asked).expect("it asks");
+    let begin = pair.now;
+    pair.halves[1].is_suspended = true;
+    pair.pass(SECOND);
+    pair.resume(1);
+    pair.pass(Duration::from_millis(300));
+    assert_eq!(signals(&pair, 1, SignalKind::Listening, begin), 0);
+}
+
+#[test]
+fn a_stop_does_not_wait_for_the_answer_of_a_listener() {
+    let mut pair = running(OnGatewayLost::Stop);
+    pair.kill(1);
+    let asked = signals(&pair, 0, SignalKind::Question, MonoTime::ZERO);
+    pair.until(SECOND * 70, |pair| signals(pair, 0, SignalKind::Question, MonoTime::ZERO) > asked).expect("it asks");
+    pair.pass(Duration::from_millis(20));
+    let begin = pair.now;
+    pair.command(0, MQTT, 0, STOP);
+    pair.pass(Duration::from_millis(50));
+    assert_eq!(run_words(&pair, 0, begin), [0]);
 }
 
 #[test]

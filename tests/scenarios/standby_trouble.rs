@@ -88,7 +88,7 @@ impl Play {
 
     /// Looks at the frames that were sent since the last call.
     fn look(&mut self) {
-        for sent in &self.pair.sent[self.watch.frames..] {
+        for sent in self.pair.sent[self.watch.frames..].iter().filter(|sent| !sent.is_of_listener()) {
             let report = self.pair.halves[sent.half].core.as_ref().and_then(|core| core.report().standby);
             let term = report.map_or(0, |report| report.take_overs + self.pair.halves[sent.half].setup.first_epoch);
             let half = sent.half;
@@ -228,7 +228,9 @@ fn in_years_of_trouble_one_sends_and_a_running_drive_is_stopped_in_time() {
                 "nothing starts by itself"
             );
         }
-        assert!(play.seen.longest_doubled <= 1, "{loses_per_mille} per mille: {}", play.seen.longest_doubled);
+        // Each frame that is not heard is one more.
+        let most = if loses_per_mille > 0 { 4 } else { 1 };
+        assert!(play.seen.longest_doubled <= most, "{loses_per_mille} per mille: {}", play.seen.longest_doubled);
         totals.push((loses_per_mille, bound, play.seen));
     }
     for (loses_per_mille, bound, mut seen) in totals {

@@ -18,6 +18,7 @@ use vfd_gateway::line::standby::StandbyTimes;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::wire::framing;
+use vfd_gateway::wire::signal::{STATION, Signal, SignalKind};
 
 /// Most bytes that the system keeps for a process that is suspended.
 const KEPT_BYTES: usize = 65_536;
@@ -59,6 +60,13 @@ pub struct Sent {
     pub pdu: Vec<u8>,
     /// Another transmission ran into it.
     pub is_damaged: bool,
+}
+
+impl Sent {
+    /// Whether it is the answer of a gateway that only listens, to the question whether one does.
+    pub fn is_of_listener(&self) -> bool {
+        Signal::decode(STATION, &self.pdu).is_some_and(|signal| signal.kind == SignalKind::Listening)
+    }
 }
 
 /// A frame whose last character is not out yet.

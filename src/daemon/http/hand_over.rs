@@ -226,8 +226,15 @@ mod tests {
     use std::sync::Mutex;
 
     const PATH: &str = "/api/v1/standby/yield";
-    const ACTIVE: StandbyReport =
-        StandbyReport { role: LineRole::Active, take_overs: 1, given_up: 0, rivals: 0, hears_other: false };
+    const ACTIVE: StandbyReport = StandbyReport {
+        role: LineRole::Active,
+        take_overs: 1,
+        given_up: 0,
+        rivals: 0,
+        hears_other: false,
+        listener: None,
+        kept: 0,
+    };
     const LISTENING: StandbyReport = StandbyReport { role: LineRole::Listening, given_up: 1, ..ACTIVE };
     const HEARS: StandbyReport = StandbyReport { hears_other: true, ..LISTENING };
     const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };

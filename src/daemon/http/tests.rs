@@ -278,7 +278,15 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
 #[test]
 fn a_line_of_two_gateways_is_shown_with_the_role() {
     let state = state(false);
-    let standby = StandbyReport { role: LineRole::Active, take_overs: 3, given_up: 2, rivals: 1, hears_other: false };
+    let standby = StandbyReport {
+        role: LineRole::Active,
+        take_overs: 3,
+        given_up: 2,
+        rivals: 1,
+        hears_other: false,
+        listener: None,
+        kept: 0,
+    };
     show(&state, LineReport { standby: Some(standby), ..UP }, DriveView::default());
     let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
     for line in [

@@ -564,7 +564,15 @@ fn a_native_read_is_answered_from_memory_only_where_that_is_granted() {
 fn a_listener_answers_native_reads_from_what_it_heard() {
     play(EVERY_LINE, |plant, mut stream| async move {
         let report = |role| {
-            let standby = StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: true };
+            let standby = StandbyReport {
+                role,
+                take_overs: 0,
+                given_up: 0,
+                rivals: 0,
+                hears_other: true,
+                listener: None,
+                kept: 0,
+            };
             LineReport { standby: Some(standby), ..LineReport::default() }
         };
         plant.shared.lines[0].set_report(report(LineRole::Listening));

@@ -72,7 +72,8 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
     if standby.is_some() {
         // Before the first report of its thread it must not be taken for the only gateway there.
         let role = LineRole::Listening;
-        let standby = StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: false };
+        let standby =
+            StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: false, listener: None, kept: 0 };
         shared.set_report(LineReport { standby: Some(standby), ..LineReport::default() });
     }
     shared.shared_with(standby)

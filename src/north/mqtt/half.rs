@@ -230,7 +230,8 @@ impl Half {
         let half = self.pair.as_ref().map(|pair| pair.half.as_str());
         let partner = self.pair.as_ref().map(|pair| pair.partner.as_str());
         let of_line = |line: &Line| {
-            let StandbyReport { role, take_overs, given_up, rivals, hears_other } = line.seen.flatten()?;
+            let StandbyReport { role, take_overs, given_up, rivals, hears_other, listener, kept: _ } =
+                line.seen.flatten()?;
             Some(json!({
                 "name": line.name.as_str(),
                 "role": role.word(),
@@ -238,6 +239,7 @@ impl Half {
                 "given_up": given_up,
                 "rivals": rivals,
                 "hears_other": hears_other,
+                "listener": listener,
             }))
         };
         let lines: Vec<_> = self.lines.iter().filter(|_| is_online).filter_map(of_line).collect();

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 pub(super) fn report(role: LineRole) -> StandbyReport {
     let hears_other = role == LineRole::Listening;
-    StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other }
+    StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other, listener: None, kept: 0 }
 }
 
 pub(super) fn pair(half: &str, partner: &str) -> StandbyPair {

@@ -420,7 +420,7 @@ fn a_line_in_trouble_says_what_to_look_at() {
 #[test]
 fn a_line_with_several_gateways_tells_who_sends() {
     let said = |role, hears_other, rivals| {
-        let standby = StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other };
+        let standby = StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other, listener: None, kept: 0 };
         let advice = with_line(LineReport { standby: Some(standby), ..up() }, false, |line| line.advice());
         advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
     };

@@ -6,7 +6,7 @@ use crate::domain::standby::{LineRole, StandbyReport};
 
 fn set(rig: &mut Rig, role: LineRole) -> Vec<Act> {
     rig.lines[0].report.standby =
-        Some(StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: true });
+        Some(StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: true, listener: None, kept: 0 });
     rig.acts()
 }
 

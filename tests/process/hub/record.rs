@@ -30,6 +30,11 @@ impl Frame {
         }
     }
 
+    /// Whether it is the answer of a gateway that only listens, to the question whether one does.
+    pub fn is_of_listener(&self) -> bool {
+        matches!(self.bytes[..], [250, 3, _, _, 0, 76, _, _])
+    }
+
     /// Whether it was whole, and heard as it was sent.
     pub fn is_sound(&self) -> bool {
         !self.is_damaged && self.bytes.len() >= 4 && crc::is_sound(&self.bytes)
@@ -81,7 +86,8 @@ pub struct Meeting {
 
 /// Each time that a master sent less than [`HAS_LEFT`] after another one, up to when only one was left.
 pub fn meetings(frames: &[Frame], masters: &[usize]) -> Vec<Meeting> {
-    let sent: Vec<_> = frames.iter().filter(|frame| masters.contains(&frame.from)).collect();
+    let is_of_master = |frame: &&Frame| masters.contains(&frame.from) && !frame.is_of_listener();
+    let sent: Vec<_> = frames.iter().filter(is_of_master).collect();
     let mut meetings = Vec::new();
     let mut place = 1;
     while place < sent.len() {

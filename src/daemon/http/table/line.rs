@@ -111,6 +111,12 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
         "1 while another gateway or master is heard on the line; absent where it is alone.",
         |line| truth(line.standby?.hears_other),
     ),
+    gauge(
+        "line_listener",
+        "1 while another gateway is ready to take the line over from this one, 0 while none answers; absent where this one \
+         does not send, or does not know.",
+        |line| truth(line.standby?.listener?),
+    ),
     counter("line_take_overs", "Times that this gateway took the line over.", |line| Some(line.standby?.take_overs)),
     counter("line_given_up", "Times that this gateway gave the line up.", |line| Some(line.standby?.given_up)),
     counter("line_rivals", "Times that another master was heard while this gateway was active.", |line| {

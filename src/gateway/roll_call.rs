@@ -1,0 +1,85 @@
+//! Whether another gateway listens on a shared line: the active one asks, a listener answers.
+
+use super::core::LineCore;
+use super::work::Rank;
+use crate::domain::report::LineFault;
+use crate::domain::time::MonoTime;
+use crate::line::roll_call::RollCall;
+use crate::wire::signal::{self, SignalKind};
+
+impl LineCore {
+    /// Asks whether another gateway listens, if it is time for that. Returns whether nothing else may be sent at `now`: a
+    /// stop may, and is more important than the answer.
+    pub(super) fn call_roll(&mut self, now: MonoTime) -> bool {
+        let has_stop = self.wanted_at(Rank::RepeatedStop).is_some_and(|at| now >= at);
+        let Some(call) = self.roll_call_mut().filter(|_| !has_stop) else { return false };
+        call.pass(now);
+        if call.open_until().is_some() {
+            return true;
+        }
+        let is_due = call.ask_at().is_some_and(|at| now >= at);
+        if is_due {
+            self.send_signal(now, SignalKind::Question);
+        }
+        is_due
+    }
+
+    /// The question is out.
+    pub(super) fn roll_was_called(&mut self, now: MonoTime) {
+        let end = now + self.timing.on_wire(self.timing.adu_bytes(signal::PDU_BYTES));
+        self.roll_call_mut().into_iter().for_each(|call| call.asked(end));
+    }
+
+    /// Takes the answer of a listener, if `frame` is one. Returns whether it is.
+    pub(super) fn hears_listener(&mut self, now: MonoTime, frame: &[u8]) -> bool {
+        let is_answer = self.signal_in(frame).is_some_and(|(it, is_own)| it.kind == SignalKind::Listening && !is_own);
+        if is_answer {
+            self.roll_call_mut().into_iter().for_each(|call| call.answered(now));
+        }
+        is_answer
+    }
+
+    /// When the next question is due.
+    pub(super) fn roll_call_at(&self) -> Option<MonoTime> {
+        self.roll_call()?.ask_at()
+    }
+
+    /// Until when the line is left silent for an answer; a stop ends that.
+    pub(super) fn silent_until(&self) -> Option<MonoTime> {
+        let until = self.roll_call()?.open_until()?;
+        Some(self.wanted_at(Rank::RepeatedStop).map_or(until, |stop| stop.min(until)))
+    }
+
+    fn roll_call(&self) -> Option<&RollCall> {
+        self.share.as_ref().filter(|_| self.may_call())?.roll_call.as_ref()
+    }
+
+    fn roll_call_mut(&mut self) -> Option<&mut RollCall> {
+        let may_call = self.may_call();
+        self.share.as_mut().filter(|_| may_call)?.roll_call.as_mut()
+    }
+
+    /// Whether a signal would be heard.
+    const fn may_call(&self) -> bool {
+        !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo))
+    }
+
+    /// Answers a question of the active gateway, if one was heard just before `now`. Returns whether it does.
+    pub(super) fn answer_question(&mut self, now: MonoTime) -> bool {
+        let listens = self.listens() && self.may_call();
+        let Some(share) = self.share.as_mut().filter(|share| share.answer.is_some()) else { return false };
+        if !listens || share.answer.is_some_and(|answer| answer.is_over(now)) {
+            share.answer = None;
+        }
+        let answers = share.answer.is_some_and(|answer| answer.may_be_sent(now));
+        if answers {
+            self.send_signal(now, SignalKind::Listening);
+        }
+        answers
+    }
+
+    /// When the answer to a question is due.
+    pub(super) fn answer_at(&self) -> Option<MonoTime> {
+        Some(self.share.as_ref()?.answer?.at())
+    }
+}
