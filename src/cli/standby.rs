@@ -94,10 +94,15 @@ fn row(line: &Value) -> String {
     let word = |key: &str| standby[key].as_str().unwrap_or("?");
     let count = |key: &str| standby[key].as_u64().unwrap_or_default();
     let partner = word("partner");
+    let listens = match standby["listener"].as_bool() {
+        Some(true) => format!("{partner} would take over"),
+        Some(false) => toned(Tone::Problem, &format!("{partner} does not answer")),
+        None => format!("whether {partner} would take over is not known yet"),
+    };
     let state = match (word("role"), standby["hears_other"] == true, line["state"] == "up") {
         (_, _, false) => format!("{}; nothing can be heard", toned(Tone::Problem, "the port cannot be used")),
         ("active", true, _) => format!("active; {}", toned(Tone::Problem, "another master is heard")),
-        ("active", false, _) => format!("{}; {partner} would take over", toned(Tone::Good, "active")),
+        ("active", false, _) => format!("{}; {listens}", toned(Tone::Good, "active")),
         ("listening", true, _) => format!("{}; {partner} sends", toned(Tone::Good, "listening")),
         ("listening", false, _) => format!("listening; {}", toned(Tone::Notice, "no other gateway is heard")),
         (role, ..) => role.to_owned(),
@@ -151,23 +156,26 @@ fn told(answer: &Value) -> String {
 mod tests {
     use super::*;
 
-    fn line(state: &str, role: &str, hears_other: bool) -> Value {
+    fn line(state: &str, role: &str, hears_other: bool, listener: Option<bool>) -> Value {
         json!({ "name": "hall-1", "state": state, "standby": {
             "role": role, "half": "a", "partner": "b", "take_overs": 3, "given_up": 2, "rivals": 1, "hears_other": hears_other,
+            "listener": listener,
         } })
     }
 
     #[test]
     fn each_role_is_a_row() {
         let counts = "taken over 3, given up 2, rivals 1";
-        for (state, role, hears, told) in [
-            ("up", "active", false, "active; b would take over"),
-            ("up", "active", true, "active; another master is heard"),
-            ("up", "listening", true, "listening; b sends"),
-            ("up", "listening", false, "listening; no other gateway is heard"),
-            ("down", "listening", false, "the port cannot be used; nothing can be heard"),
+        for (state, role, hears, listener, told) in [
+            ("up", "active", false, Some(true), "active; b would take over"),
+            ("up", "active", false, Some(false), "active; b does not answer"),
+            ("up", "active", false, None, "active; whether b would take over is not known yet"),
+            ("up", "active", true, None, "active; another master is heard"),
+            ("up", "listening", true, None, "listening; b sends"),
+            ("up", "listening", false, None, "listening; no other gateway is heard"),
+            ("down", "listening", false, None, "the port cannot be used; nothing can be heard"),
         ] {
-            assert_eq!(row(&line(state, role, hears)), format!("line hall-1: a is {told}; {counts}\n"));
+            assert_eq!(row(&line(state, role, hears, listener)), format!("line hall-1: a is {told}; {counts}\n"));
         }
         let alone = json!({ "name": "hall-2", "state": "up", "standby": null });
         assert_eq!(row(&alone), "line hall-2: no second gateway\n");

@@ -125,7 +125,9 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
         waits.read.max(waits.write).max(waits.stored_write) + drive.max_lateness
     };
     let settled = exchange + line.drives.iter().map(owes).max().unwrap_or_default();
-    let fresh = last_stop.max(settled) + refresh(line).time;
+    // Each STOP has an exchange of its own, and its effect is read.
+    let confirmed = last_stop + all_healthy * u32::try_from(1 + commanded).unwrap_or(u32::MAX);
+    let fresh = confirmed.max(settled) + refresh(line).time;
     TakeOver { times, exchange, begins, first_stop, last_stop, settled, fresh }
 }
 

@@ -263,8 +263,10 @@ impl Standby {
 
     /// A sound frame that is not of this gateway was received at `now`, while it listens: another one sends.
     pub fn heard(&mut self, now: MonoTime) {
-        if let State::Listening { quiet_from, .. } = &mut self.state {
+        if let State::Listening { quiet_from, extra, .. } = &mut self.state {
             *quiet_from = now;
+            // The line has its gateway: no other one has to be let in first.
+            *extra = Duration::ZERO;
             self.heard_at = Some(now);
             // Another one has accepted the line.
             self.accept_at = None;
@@ -283,9 +285,12 @@ impl Standby {
     pub fn heard_request(&mut self, now: MonoTime) -> Option<Change> {
         let gives_up = self.is_active();
         if gives_up {
+            // The other one may have given the line up by this gateway's own frame: the random part of the wait stays.
             self.listen(now);
+            self.heard_at = Some(now);
+        } else {
+            self.heard(now);
         }
-        self.heard(now);
         gives_up.then_some(Change::Rival)
     }
 

@@ -16,7 +16,7 @@ const ACTIVE: StandbyReport = StandbyReport {
     given_up: 0,
     rivals: 0,
     hears_other: false,
-    listener: None,
+    listener: Some(true),
     kept: 0,
 };
 const HEARS: StandbyReport = StandbyReport {
@@ -78,7 +78,7 @@ fn the_role_is_told_and_a_line_is_handed_over_on_request() {
 
     show(&line, ACTIVE);
     let taken_back = while_played(&line, BACK, || ask(&["standby", "yield"]));
-    assert_says(&taken_back, 1, &["no other gateway took the line over: this one has taken it back; does b run?"]);
+    assert_says(&taken_back, 1, &["no other gateway took the line over: this one takes it back; does b run?"]);
 }
 
 #[test]

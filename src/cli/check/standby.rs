@@ -77,7 +77,8 @@ pub(super) fn describe(text: &mut String, line: &LineSettings) -> Result {
     let refresh = ms(line_plan::refresh(line).time);
     let waits =
         if settled > last_stop { format!("no late reply is possible after {}, ", ms(settled)) } else { String::new() };
-    writeln!(text, "      {}: all values are fresh ({waits}and one full refresh, {refresh}),", ms(fresh))?;
+    let effect = if stopped.is_empty() { "" } else { "the effect of each STOP is read, " };
+    writeln!(text, "      {}: all values are fresh ({waits}{effect}and one full refresh, {refresh}),", ms(fresh))?;
     writeln!(text, "        and commands are accepted{}", delayed(line))
 }
 
@@ -159,13 +160,13 @@ mod tests {
       4636 ms: the first STOP starts (and the bound of a stop on the line)
       4667 ms: the last of 2 STOPs starts
         for those that were ordered to run: pump-1 (stop), pump-2 (coast)
-      4914 ms: all values are fresh (and one full refresh, 247 ms),
+      5262 ms: all values are fresh (the effect of each STOP is read, and one full refresh, 247 ms),
         and commands are accepted; RUN without `epoch` or `issued_at` up to 3000 ms (`restart_delay`) after a stop
 ";
         assert_eq!(part, expected);
         assert!(found.contains("; other gateway lost: coast\n"), "{found}");
         let row = "standby on hall (a, rank 1; the other one is b): T1 500 ms, T2 1500 ms, T3 3000 ms; if b is lost, at most: first \
-                   STOP after 4636 ms, fresh values and commands after 4914 ms\n";
+                   STOP after 4636 ms, fresh values and commands after 5262 ms\n";
         let summary = summary::summary(&config);
         assert!(summary.contains(row), "{summary}");
     }

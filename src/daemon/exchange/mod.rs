@@ -4,6 +4,7 @@
 pub mod answers;
 pub mod bell;
 pub mod board;
+pub mod hand_over;
 pub mod inbox;
 pub mod keeper;
 pub mod north_journal;

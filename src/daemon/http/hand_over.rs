@@ -1,88 +1,16 @@
-//! Gives lines to the other gateway on request, waits for what comes of it, and keeps that in the audit.
+//! Gives lines to the other gateway on request, and keeps what came of it in the audit.
 
 use super::answers::{json, refusal};
-use crate::daemon::exchange::inbox::Message;
-use crate::daemon::exchange::shared::{SharedLine, StandbyShare};
+use crate::daemon::exchange::hand_over::{HandOver, hand_over};
+use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::local::{LocalSide, Who};
-use crate::domain::command::{Outcome, Reason, Report};
-use crate::domain::standby::{LineRole, RANK_MAX, StandbyReport};
 use crate::journal::Tried;
-use crate::line::standby::RANK_STEP;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json as value};
 use std::sync::Arc;
-use std::time::Duration;
-use tokio::time::{Instant, sleep};
 
-/// How often the lines are looked at meanwhile.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Longest time for a line to give itself up: orders that are under way are carried out first.
-const GIVEN_UP_WITHIN: Duration = Duration::from_secs(7);
 const EXPECTED: &str = r#"a body such as {"line": "hall-1"} is expected, or none for all lines"#;
-
-/// What came of one line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum HandOver {
-    /// Another gateway is heard on it, and this one listens.
-    HandedOver,
-    /// No other took it: this one sends again.
-    TakenBack,
-    /// No other is heard, and this one does not send either.
-    NoOther,
-    /// The line did not do it.
-    NoAnswer,
-    /// This gateway does not send there.
-    NotActive,
-    /// It has no other gateway.
-    Alone,
-    /// It has no room for a message.
-    QueueFull,
-}
-
-impl HandOver {
-    const fn word(self) -> &'static str {
-        match self {
-            Self::HandedOver => "handed_over",
-            Self::TakenBack => "taken_back",
-            Self::NoOther => "no_other",
-            Self::NoAnswer => "no_answer",
-            Self::NotActive => "not_active",
-            Self::Alone => "alone",
-            Self::QueueFull => "queue_full",
-        }
-    }
-
-    /// In words, with the name of the other gateway.
-    fn message(self, partner: &str) -> String {
-        match self {
-            Self::HandedOver => "another gateway sends on the line now".to_owned(),
-            Self::TakenBack => {
-                format!("no other gateway took the line over: this one has taken it back; does {partner} run?")
-            }
-            Self::NoOther => {
-                format!("no other gateway is heard on the line; this one takes it back by itself; does {partner} run?")
-            }
-            Self::NoAnswer => "the line was not given up in time: orders were under way all the while".to_owned(),
-            Self::NotActive => "this gateway does not send on the line: there is nothing to hand over".to_owned(),
-            Self::Alone => "the line has no second gateway: `standby` is not true in its `[[line]]`".to_owned(),
-            Self::QueueFull => "too many requests wait for the line".to_owned(),
-        }
-    }
-
-    /// As the audit has it; `None` for what was not tried.
-    const fn report(self) -> Option<Report> {
-        match self {
-            Self::HandedOver => Some(Report::new(Outcome::Confirmed, Reason::None)),
-            Self::TakenBack | Self::NoOther | Self::NoAnswer => {
-                Some(Report::new(Outcome::Failed, Reason::NotEffective))
-            }
-            Self::QueueFull => Some(Report::refused(Reason::QueueFull)),
-            Self::NotActive => Some(Report::refused(Reason::Standby)),
-            Self::Alone => None,
-        }
-    }
-}
 
 /// Carries out what `body` asks for: one line, or all lines on which this gateway sends.
 pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Response {
@@ -97,7 +25,11 @@ pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Respo
     // A client that disconnects does not cancel it; its outcome is kept.
     let done = tokio::spawn(async move {
         let _place = place;
-        hand_over(&side, who, &lines).await
+        let ended = hand_over(&lines).await;
+        for (line, outcome) in &ended {
+            keep(&side, who, line, *outcome);
+        }
+        ended
     });
     let Ok(ended) = done.await else { return StatusCode::INTERNAL_SERVER_ERROR.into_response() };
     let is_done = |outcome: &HandOver| *outcome == HandOver::HandedOver || named.is_none() && !was_tried(*outcome);
@@ -146,84 +78,32 @@ fn chosen(side: &LocalSide, named: Option<&str>) -> Result<Vec<Arc<SharedLine>>,
     })
 }
 
-/// A line that was asked.
-struct Asked {
-    line: Arc<SharedLine>,
-    begun: StandbyReport,
-    /// Until when it is to have given itself up.
-    given_up_by: Instant,
-    until: Instant,
-}
-
-impl Asked {
-    /// What came of it, as far as it is known.
-    fn ended(&self) -> Option<HandOver> {
-        let now = self.line.report().standby;
-        let at = Instant::now();
-        let is_late = at >= self.until;
-        match now {
-            Some(now) if now.role == LineRole::Listening && now.hears_other => Some(HandOver::HandedOver),
-            Some(now) if now.role == LineRole::Listening => is_late.then_some(HandOver::NoOther),
-            Some(now) if now.take_overs > self.begun.take_overs => Some(HandOver::TakenBack),
-            _ => (at >= self.given_up_by).then_some(HandOver::NoAnswer),
-        }
+fn keep(side: &LocalSide, who: Who, line: &SharedLine, outcome: HandOver) {
+    if let Some(report) = outcome.report() {
+        side.keep(who, None, Tried::Text(format!("standby yield {}", line.name)), report);
+        tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.word(), "asked to give the line up");
     }
-}
-
-/// Longest time until the other gateway is heard, or this one sends again: the other one may have any rank.
-fn longest(share: &StandbyShare) -> Duration {
-    (share.times.worst_take_over() + RANK_STEP * u32::from(RANK_MAX)) * 2
-}
-
-/// All `lines` at once, each with what came of it.
-async fn hand_over(side: &LocalSide, who: Who, lines: &[Arc<SharedLine>]) -> Vec<(Arc<SharedLine>, HandOver)> {
-    let begun: Vec<_> = lines.iter().map(begin).collect();
-    let mut ended = Vec::with_capacity(lines.len());
-    for (line, asked) in lines.iter().zip(begun) {
-        let outcome = match asked {
-            Ok(asked) => loop {
-                if let Some(outcome) = asked.ended() {
-                    break outcome;
-                }
-                sleep(LOOK_EVERY).await;
-            },
-            Err(outcome) => outcome,
-        };
-        if let Some(report) = outcome.report() {
-            side.keep(who, None, Tried::Text(format!("standby yield {}", line.name)), report);
-            tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.word(), "asked to give the line up");
-        }
-        ended.push((Arc::clone(line), outcome));
-    }
-    ended
-}
-
-fn begin(line: &Arc<SharedLine>) -> Result<Asked, HandOver> {
-    let share = line.standby.as_ref().ok_or(HandOver::Alone)?;
-    let report = line.report().standby;
-    let begun = report.filter(|report| report.role == LineRole::Active).ok_or(HandOver::NotActive)?;
-    let given_up_by = Instant::now() + GIVEN_UP_WITHIN;
-    let until = given_up_by + longest(share);
-    line.inbox.put(Message::Yield).map_err(|_| HandOver::QueueFull)?;
-    Ok(Asked { line: Arc::clone(line), begun, given_up_by, until })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::setup_tests::ask;
     use super::*;
+    use crate::daemon::exchange::inbox::Message;
     use crate::daemon::exchange::north_journal::NorthJournal;
-    use crate::daemon::exchange::shared::Shared;
-    use crate::domain::command::Owner;
+    use crate::daemon::exchange::shared::{Shared, StandbyShare};
+    use crate::domain::command::{Outcome, Owner};
     use crate::domain::ids::Name;
     use crate::domain::link::{Framing, Interface, LinkSettings};
     use crate::domain::report::LineReport;
-    use crate::domain::standby::StandbyPair;
+    use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
     use crate::drive::description::DriveRef;
     use crate::journal::Attempt;
     use crate::line::standby::StandbyTimes;
     use crate::line::timing::Timing;
     use std::sync::Mutex;
+    use std::time::Duration;
+    use tokio::time::sleep;
 
     const PATH: &str = "/api/v1/standby/yield";
     const ACTIVE: StandbyReport = StandbyReport {
@@ -237,6 +117,7 @@ mod tests {
     };
     const LISTENING: StandbyReport = StandbyReport { role: LineRole::Listening, given_up: 1, ..ACTIVE };
     const HEARS: StandbyReport = StandbyReport { hears_other: true, ..LISTENING };
+    const KEPT: StandbyReport = StandbyReport { kept: 1, ..ACTIVE };
     const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };
 
     /// Keeps what was tried, by whom, and how it ended.
@@ -303,11 +184,12 @@ mod tests {
 
     #[test]
     fn a_line_is_given_up_and_what_came_of_it_is_told_and_kept() {
-        let table: [(&'static [StandbyReport], u16, &str, Outcome); 5] = [
+        let table: [(&'static [StandbyReport], u16, &str, Outcome); 6] = [
             (&[HEARS], 200, "handed_over", Outcome::Confirmed),
             (&[LISTENING, LISTENING, HEARS], 200, "handed_over", Outcome::Confirmed),
             (&[LISTENING, BACK], 409, "taken_back", Outcome::Failed),
-            (&[LISTENING], 409, "no_other", Outcome::Failed),
+            (&[LISTENING], 409, "taken_back", Outcome::Failed),
+            (&[KEPT], 409, "no_other", Outcome::Failed),
             (&[], 409, "no_answer", Outcome::Failed),
         ];
         for (then, status, word, outcome) in table {

@@ -284,7 +284,7 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
         given_up: 2,
         rivals: 1,
         hears_other: false,
-        listener: None,
+        listener: Some(true),
         kept: 0,
     };
     show(&state, LineReport { standby: Some(standby), ..UP }, DriveView::default());
@@ -292,6 +292,7 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
     for line in [
         "vfd_gateway_line_active{line=\"hall-1\"} 1.0",
         "vfd_gateway_line_hears_other{line=\"hall-1\"} 0.0",
+        "vfd_gateway_line_listener{line=\"hall-1\"} 1.0",
         "vfd_gateway_line_take_overs_total{line=\"hall-1\"} 3",
         "vfd_gateway_line_given_up_total{line=\"hall-1\"} 2",
         "vfd_gateway_line_rivals_total{line=\"hall-1\"} 1",
@@ -300,7 +301,7 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
     }
     let health = super::health::health(&state, clock::now());
     let expected = serde_json::json!({ "role": "active", "half": null, "partner": null, "take_overs": 3, "given_up": 2,
-        "rivals": 1, "hears_other": false });
+        "rivals": 1, "hears_other": false, "listener": true });
     assert_eq!(health["lines"][0]["standby"], expected);
 }
 

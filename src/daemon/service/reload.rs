@@ -6,7 +6,8 @@
 use crate::config::change::{Change, ChangeNote, ConfigPart};
 use crate::config::{Config, MqttSettings, Removal};
 use crate::daemon::commissioning::{Judge, Site};
-use crate::daemon::exchange::shared::{Current, Shared};
+use crate::daemon::exchange::hand_over::hand_over;
+use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::{LineHandle, Memory};
 use crate::daemon::lines::threads::Lines;
@@ -127,6 +128,7 @@ impl Gateway {
             told.push(ChangeNote::mqtt_changed());
         }
         let ending = self.numbers(&change);
+        self.hand_over(&ending).await;
         self.have_leave(&ending, new.gateway.on_removal).await?;
         let warnings = new.warnings.clone();
         self.switch(new, &change, &ending, prepared).await;
@@ -178,6 +180,17 @@ impl Gateway {
     fn numbers(&self, change: &Change) -> Vec<u16> {
         let lines = &self.current.load().lines;
         change.ended.iter().filter_map(|at| lines.get(*at)).map(|line| line.number).collect()
+    }
+
+    /// Another gateway takes over what runs on the lines that end, if one listens there. If none does, the drives are in
+    /// use as on any line.
+    async fn hand_over(&self, ending: &[u16]) {
+        let lines = &self.current.get().lines;
+        let ends = |line: &&Arc<SharedLine>| line.standby.is_some() && ending.contains(&line.number);
+        let lines: Vec<_> = lines.iter().filter(ends).cloned().collect();
+        for (line, outcome) in hand_over(&lines).await {
+            tracing::info!(line = %line.name, outcome = outcome.word(), "the line ends by a reload: asked to give it up");
+        }
     }
 
     /// From here on no drive of a removed line can be started. If one is in use, it is stopped or the reload is

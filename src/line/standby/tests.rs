@@ -109,6 +109,23 @@ fn a_rival_ends_the_role_and_a_lost_port_does() {
 }
 
 #[test]
+fn the_wait_of_one_that_gave_the_line_up_ends_when_another_one_has_it() {
+    let at = MonoTime::from_millis;
+    for gives_up in [
+        |rule: &mut Standby| rule.give_up(MonoTime::from_millis(2600), MS(2500)),
+        |rule: &mut Standby| rule.pass(MonoTime::from_millis(4000), true),
+    ] {
+        let mut rule = opened(0);
+        assert_eq!(silent(&mut rule, 2500), Some((2500, Change::TakenOver)));
+        rule.sent(at(2500));
+        assert!(gives_up(&mut rule).is_some());
+        assert_eq!(silent(&mut rule, 4200), None);
+        rule.heard(at(4200));
+        assert_eq!(silent(&mut rule, 90_000), Some((6700, Change::TakenOver)));
+    }
+}
+
+#[test]
 fn two_that_took_the_line_in_step_wait_for_different_times() {
     let at = MonoTime::from_millis;
     let claims = |seed| {

@@ -54,7 +54,7 @@ fn a_listener_tells_of_itself_and_of_nothing_else() {
     assert_eq!(topics(&acts), ["standby/b"]);
     let document: Value = serde_json::from_str(&on(&acts, "standby/b").unwrap()).unwrap();
     let line = json!({
-        "name": "hall", "role": "listening", "take_overs": 0, "given_up": 0, "rivals": 0, "hears_other": true,
+        "name": "hall", "role": "listening", "take_overs": 0, "given_up": 0, "rivals": 0, "hears_other": true, "listener": null,
     });
     assert_eq!(document, json!({ "half": "b", "partner": "a", "online": true, "lines": [line] }));
     assert!(publications(&acts)[0].retain);

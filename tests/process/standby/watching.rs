@@ -88,7 +88,13 @@ fn wait_for_fresh_values(pair: &Pair, end: usize, seen: usize) -> MonoTime {
         let asked_at = clock::now();
         let ages = [101, 102].map(|unit| client.read_unit(unit, AGE, 1));
         let answered_at = clock::now();
-        let first = || pair.hub.frames(seen).into_iter().find(|frame| frame.from == end).map(|frame| frame.start);
+        let first = || {
+            pair.hub
+                .frames(seen)
+                .into_iter()
+                .find(|frame| frame.from == end && !frame.is_of_listener())
+                .map(|frame| frame.start)
+        };
         taken_over_at = taken_over_at.or_else(first);
         let since = taken_over_at?;
         let is_fresh = |age: &Result<Vec<u16>, u8>| match age.as_deref() {
