@@ -24,7 +24,7 @@ fn number(value: &Value) -> u64 {
 
 /// Whether numbers run on without a gap from each NBIRTH, and each NDEATH has the number of the birth before it.
 /// Returns the `bdSeq` of all NBIRTHs.
-fn assert_sequence(seen: &[Value]) -> Vec<u64> {
+pub fn assert_sequence(seen: &[Value]) -> Vec<u64> {
     let (mut sessions, mut next) = (Vec::new(), None);
     for message in seen {
         let kind = message["kind"].as_str().unwrap();

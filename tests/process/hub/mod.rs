@@ -61,6 +61,7 @@ enum Order {
     PlugIn(usize),
     PullOut(usize),
     Cut(Option<usize>),
+    Trip(Station, u16),
     End,
 }
 
@@ -108,6 +109,11 @@ impl Hub {
     /// The pair is whole again.
     pub fn repair(&self) -> MonoTime {
         self.order(Order::Cut(None))
+    }
+
+    /// The drive at `station` trips, with this number of the cause.
+    pub fn trip(&self, station: u8, cause: u16) -> MonoTime {
+        self.order(Order::Trip(Station(station), cause))
     }
 
     /// How many frames there were so far.
@@ -253,8 +259,18 @@ impl Player {
                 }
             }
             Order::Cut(behind) => self.wire.cut(behind),
+            Order::Trip(station, cause) => self.trip(station, cause),
             Order::End => {}
         }
+    }
+
+    fn trip(&mut self, station: Station, cause: u16) {
+        let buses = self.ends.iter_mut().filter_map(|end| match end {
+            End::Drives(bus) => Some(bus),
+            End::Port { .. } => None,
+        });
+        let mut drives = buses.filter_map(|bus| bus.drive_mut(station));
+        drives.next().expect("a drive of this bus").trip(clock::now(), cause);
     }
 
     fn take_what_programs_sent(&mut self) {

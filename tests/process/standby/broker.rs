@@ -1,10 +1,14 @@
 //! What a subscriber of mosquitto sees while two gateways of one name come and go.
 
 use super::super::mosquitto::{Mosquitto, Subscriber};
-use super::super::rig::Place;
+use super::super::raw::Raw;
+use super::super::rig::{Place, vfd_gateway};
 use super::super::started::until;
 use super::pair::{A, B, PATIENCE, Pair};
 use serde_json::Value;
+
+/// The register of an N700 with the number of its trips.
+const TRIP_COUNT: u16 = 0x0112;
 
 /// A pair at a broker, and a subscriber to everything.
 struct Plant {
@@ -44,16 +48,21 @@ impl Plant {
         until(&what, PATIENCE, || self.all(topic).last().filter(|it| is(it)).map(|_| ()));
     }
 
+    /// Commands the drive at station 2 to run until a gateway carries it out.
+    #[track_caller]
+    fn runs(&self, hertz: f64, name: &str) {
+        self.does(&format!(r#""run": "forward", "frequency_hz": {hertz:.1}"#), name);
+    }
+
     /// Commands the drive at station 2 until a gateway carries it out. The command that was has one result, and no other one has
     /// more than one.
     #[track_caller]
-    fn runs(&self, hertz: f64, name: &str) {
+    fn does(&self, what: &str, name: &str) {
         let mut count = 0;
         let id = until("a command is carried out", PATIENCE, || {
             count += 1;
             let id = format!("{name}-{count}");
-            let command = format!(r#"{{"id": "{id}", "run": "forward", "frequency_hz": {hertz:.1}}}"#);
-            self.broker.publish("vfd/plant/drive/pump-2/command", &command);
+            self.broker.publish("vfd/plant/drive/pump-2/command", &format!(r#"{{"id": "{id}", {what}}}"#));
             let outcome = until("it is answered", PATIENCE, || {
                 let last = self.final_results(&id).pop()?;
                 Some(last["outcome"].as_str().unwrap().to_owned())
@@ -61,6 +70,68 @@ impl Plant {
             ["acknowledged", "confirmed"].contains(&outcome.as_str()).then_some(id)
         });
         assert_eq!(self.final_results(&id).len(), 1, "{:?}", self.all("drive/pump-2/result"));
+    }
+
+    /// The events of trips so far, of a kind.
+    fn events(&self, kind: &str) -> Vec<Value> {
+        let events =
+            self.all("drive/pump-2/trip/event").into_iter().map(|it| serde_json::from_str::<Value>(&it).unwrap());
+        events.filter(|it| it["kind"] == kind).collect()
+    }
+
+    /// The drive trips for this cause, for the `count`th time, and the half at each of `ends` has kept that.
+    #[track_caller]
+    fn trips(&self, cause: u16, count: usize, ends: &[usize]) {
+        self.pair.hub.trip(2, cause);
+        for end in ends {
+            self.has_kept(*end, "tripped", count);
+        }
+        self.shows_trip(cause, count);
+    }
+
+    /// Waits until the half at `end` has heard how often the drive has tripped: one that never knew that finds no trip.
+    #[track_caller]
+    fn knows_the_count(&self, end: usize, count: u16) {
+        until("the count is heard", PATIENCE, || {
+            let answer = Raw::connect(self.pair.half(end).modbus).read_unit(2, TRIP_COUNT, 1);
+            (answer == Ok(vec![count])).then_some(())
+        });
+    }
+
+    /// Waits until the journal of the half at `end` has this many events of a kind.
+    #[track_caller]
+    fn has_kept(&self, end: usize, kind: &str, count: usize) {
+        let file = self.pair.half(end).file.to_str().unwrap();
+        until(&format!("the journal has {count} {kind}"), PATIENCE, || {
+            let output = vfd_gateway(&["journal", "trips", "--json", "-c", file]);
+            let said = String::from_utf8(output.stdout).unwrap();
+            let rows = said.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+            (rows.filter(|row| row["kind"] == kind).count() == count).then_some(())
+        });
+    }
+
+    /// Waits until the broker has the `count`th trip, by its cause.
+    #[track_caller]
+    fn shows_trip(&self, cause: u16, count: usize) {
+        self.wait_for_last("drive/pump-2/trip/count", |it| it == count.to_string());
+        self.wait_for_last("drive/pump-2/trip/last", |it| {
+            serde_json::from_str::<Value>(it).is_ok_and(|it| it["code"] == cause)
+        });
+        self.wait_for_last("drive/pump-2/trip/active", |it| it == "true");
+        until("the trip is told", PATIENCE, || (self.events("tripped").len() >= count).then_some(()));
+    }
+
+    /// Resets the drive behind its `count`th trip and lets it run, which shows to a listener that the trip is over. The half at
+    /// each of `ends` has kept that.
+    #[track_caller]
+    fn resets_and_runs(&self, name: &str, count: usize, ends: &[usize]) {
+        self.does(r#""reset": true"#, &format!("{name}-reset"));
+        self.runs(30.0, name);
+        for end in ends {
+            self.has_kept(*end, "cleared", count);
+        }
+        self.wait_for_last("drive/pump-2/trip/active", |it| it == "false");
+        until("its end is told", PATIENCE, || (self.events("cleared").len() >= count).then_some(()));
     }
 
     fn final_results(&self, id: &str) -> Vec<Value> {
@@ -120,4 +191,42 @@ fn a_listener_that_is_ended_in_good_order_leaves_the_gateway_online() {
     assert_eq!(plant.all("status").len(), status, "{:?}", plant.all("status"));
     plant.pair.program(A).terminate();
     plant.wait_for_last("status", |it| it == "offline");
+}
+
+#[test]
+fn a_trip_that_both_halves_have_heard_is_told_once_and_the_next_ones_follow_behind_take_overs() {
+    let mut plant = Plant::new();
+    plant.knows_the_count(B, 0);
+    plant.runs(30.0, "before");
+    plant.trips(5, 1, &[A, B]);
+    plant.resets_and_runs("behind-1", 1, &[A, B]);
+
+    // The one that heard it tells nothing of it when the line is its own, and then the next one.
+    plant.pair.kill(A);
+    plant.wait_for_last("standby/b", |it| role(it).as_deref() == Some("active"));
+    plant.wait_for_last("status", |it| it == "online");
+    plant.runs(20.0, "at-b");
+    plant.trips(9, 2, &[B]);
+
+    // The one that was away finds that trip at the drive when it has the line and reads the record, and has learnt from the
+    // broker that it was told.
+    plant.pair.start(A);
+    plant.wait_for_last("standby/a", |it| role(it).as_deref() == Some("listening"));
+    plant.knows_the_count(A, 2);
+    plant.resets_and_runs("behind-2", 2, &[B]);
+    plant.pair.kill(B);
+    plant.wait_for_last("standby/a", |it| role(it).as_deref() == Some("active"));
+    plant.wait_for_last("status", |it| it == "online");
+    plant.has_kept(A, "tripped", 2);
+    plant.runs(20.0, "at-a");
+    plant.trips(3, 3, &[A]);
+
+    let told = plant.events("tripped");
+    let of = |key: &str| told.iter().map(|it| it[key].clone()).collect::<Vec<_>>();
+    assert_eq!(of("count"), [1, 2, 3], "{told:?}");
+    assert_eq!(of("code"), [5, 9, 3], "{told:?}");
+    let [first, second, third] = &of("session")[..] else { unreachable!() };
+    assert!(first != second && first == third, "each journal numbers its own: {told:?}");
+    assert_eq!(plant.events("cleared").len(), 2, "{:?}", plant.events("cleared"));
+    plant.pair.assert_one_master();
 }

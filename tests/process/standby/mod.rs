@@ -2,6 +2,7 @@
 //! declared; there are never two masters, and nothing starts by itself.
 
 mod broker;
+mod edge_node;
 mod handing_over;
 mod measure;
 mod pair;
