@@ -164,6 +164,10 @@ fn a_half_that_hung_leaves_the_node_to_the_other_when_it_goes_on() {
     plant.pair.wait_for_requests(B, A_WHILE, goes_on);
     plant.runs(20.0);
     assert_eq!(plant.assert_one_at_a_time(), [0, 0], "the one that goes on is not born again");
+    // That the other one has taken its connection over is in order, and no rival.
+    let health = vfd_gateway(&["health", "--json", "-c", plant.pair.half(A).file.to_str().unwrap()]);
+    let health: Value = serde_json::from_slice(&health.stdout).unwrap();
+    assert_eq!(health["sparkplug"]["contested"], false, "{health}");
     plant.pair.assert_one_master();
 }
 

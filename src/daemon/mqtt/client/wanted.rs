@@ -14,6 +14,8 @@ impl<T: Protocol> Client<'_, T> {
             return false;
         }
         talk.borrow_mut().lost("on standby: another gateway is active");
+        // That one has the identifier now, as it should.
+        talk.borrow_mut().contested(None);
         // It is looked at whenever something has changed, and several times a second.
         let wanted = pin!(poll_fn(|_| if is_wanted() { Poll::Ready(()) } else { Poll::Pending }));
         matches!(self.attend(wanted, None, stop).await, Outcome::Stopped)
