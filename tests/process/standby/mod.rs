@@ -5,6 +5,7 @@ mod broker;
 mod edge_node;
 mod handing_over;
 mod measure;
+mod page;
 mod pair;
 mod virtual_address;
 mod watching;

@@ -1,7 +1,9 @@
 // A row for each line.
 
-import { attribute, h, keyed, reshape, shape, show, text } from "./dom.js";
-import { number, sentence_of, span, t, words } from "./texts.js";
+import { announce, attribute, h, keyed, reshape, shape, show, text } from "./dom.js";
+import { Hold } from "./hold.js";
+import * as session from "./session.js";
+import { clock, number, sentence_of, span, t, words } from "./texts.js";
 
 const rows = new Map();
 let place = null;
@@ -34,6 +36,10 @@ class Line {
       return h("div", {}, h("dt", {}, label), h("dd", {}, this.cells[key], ...more));
     };
     this.suspicion = h("p", { class: "suspicion" });
+    this.name = name;
+    this.yield = new Hold("", "plain", () => this.hand_over());
+    this.how = this.yield.element.title;
+    this.result = h("p", { class: "result" });
     this.element = h(
       "article",
       { class: "card line", id: `line-${name}`, "aria-label": t("line.called", { name }) },
@@ -51,6 +57,7 @@ class Line {
         cell("seen", t("line.seen")),
       ),
       this.suspicion,
+      h("div", { class: "yield" }, this.yield.element, this.result),
     );
   }
 
@@ -77,6 +84,26 @@ class Line {
     const suspicion = [suspended, sentence_of({ said: line.suspicion_said, text: line.suspicion })].filter(Boolean).join(" · ");
     show(this.suspicion, suspicion !== "");
     text(this.suspicion, suspicion);
+    show(this.yield.element, line.standby?.role === "active" && session.may_maintain());
+    const { partner } = line.standby ?? {};
+    this.yield.rename(t("yield", { partner }));
+    this.yield.element.title = `${t("yield.first", { partner })} ${this.how}`;
+  }
+
+  async hand_over() {
+    this.yield.enable(false);
+    this.tell("pending", t("command.sent", { command: this.yield.label }));
+    const { outcome, message } = await session.hand_over(this.name);
+    this.yield.enable(true);
+    const said = t(`yield.${outcome}`);
+    // What has no sentence stays as the gateway wrote it.
+    this.tell(outcome === "handed_over" ? "good" : "bad", said === `yield.${outcome}` ? message : said);
+  }
+
+  tell(kind, message) {
+    this.result.className = `result ${kind}`;
+    text(this.result, `${clock(Date.now())} ${message}`);
+    announce(`${this.name}: ${message}`, kind === "bad");
   }
 }
 

@@ -5,7 +5,7 @@ import { sentence_of, t, words } from "./texts.js";
 
 const TIMEOUT_MS = 20_000;
 const STOP_TIMEOUT_MS = 8000;
-const DIAGNOSTICS_TIMEOUT_MS = 40_000;
+const LONG_TIMEOUT_MS = 40_000;
 // The gateway takes a moment for 1.5 s. Where no events bring one, as in a hidden tab, a renewal asks for one first.
 const FRESH_MS = 700;
 
@@ -106,7 +106,7 @@ export async function sign_out() {
 export async function diagnostics() {
   const headers = { "Content-Type": "application/json", "X-CSRF-Token": session.token ?? "" };
   try {
-    const signal = AbortSignal.timeout(DIAGNOSTICS_TIMEOUT_MS);
+    const signal = AbortSignal.timeout(LONG_TIMEOUT_MS);
     const response = await fetch("api/v1/diagnostics", { method: "POST", headers, body: "{}", cache: "no-store", signal });
     if (!response.ok) {
       const answer = await response.json().catch(() => null);
@@ -189,6 +189,12 @@ export async function stop_all() {
   if (Array.isArray(reply.answer?.drives)) return reply.answer.drives;
   const { outcome, message } = judged(reply, true);
   return [{ drive: t("drives.all"), outcome, message }];
+}
+
+/** Gives a line to the other gateway. Always returns an outcome with a sentence. */
+export async function hand_over(line) {
+  const reply = await send_signed("api/v1/standby/yield", { line }, LONG_TIMEOUT_MS);
+  return reply.answer?.lines?.[0] ?? judged(reply, false);
 }
 
 /** Asks something of set-up; returns the answer, or what went wrong. */
