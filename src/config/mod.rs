@@ -11,6 +11,7 @@
 mod acceptance;
 mod broker;
 pub mod change;
+mod client_ids;
 mod commanders;
 mod control;
 pub mod edit;

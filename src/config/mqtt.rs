@@ -1,7 +1,8 @@
 //! The broker connection: defaults, and rules between its keys.
 
 use super::broker::Address;
-use super::file::{File, HomeAssistantFile, MqttFile, SparkplugFile};
+use super::client_ids;
+use super::file::{File, HomeAssistantFile, MqttFile};
 use super::lists;
 use super::ready::{
     BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
@@ -108,7 +109,8 @@ pub(super) fn settle(
     problems: &mut Vec<Problem>,
 ) -> Option<MqttSettings> {
     other_nodes(file, problems);
-    sparkplug_goes_with(whole, file, problems);
+    sparkplug_has_a_place(whole, file, problems);
+    client_ids::are_distinct(whole, file, problems);
     password(file, problems);
     plain_password(file, problems);
     tls_files(file, problems);
@@ -198,19 +200,13 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The session number must persist across restarts, and the broker must be able to distinguish both connections.
-fn sparkplug_goes_with(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
-    let Some(SparkplugFile { location, client_id, .. }) = mqtt.sparkplug.valid().map(|it| &it.value) else { return };
+/// The session number must persist across restarts.
+fn sparkplug_has_a_place(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
+    let Some(sparkplug) = mqtt.sparkplug.valid() else { return };
     if matches!(file.gateway.data_dir, OptionalKey::Absent) {
-        let problem =
-            location.problem("the number of each session, bdSeq, is kept in the data directory, and there is none");
+        let what = "the number of each session, bdSeq, is kept in the data directory, and there is none";
+        let problem = sparkplug.value.location.problem(what);
         problems.push(problem.right("`data_dir` in `[gateway]`, or no `[mqtt.sparkplug]`"));
-    }
-    if let (Some(own), Some(of_mqtt)) = (client_id.valid(), mqtt.client_id.valid())
-        && own.value == of_mqtt.value
-    {
-        let what = "the same as `client_id` in `[mqtt]`: the broker would end one connection for the other";
-        problems.push(own.location.problem(what).right("another one, or leave it out"));
     }
 }
 

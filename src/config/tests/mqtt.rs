@@ -340,6 +340,50 @@ fn sparkplug_needs_a_place_for_its_numbers_and_an_identifier_of_its_own() {
 }
 
 #[test]
+fn the_connections_of_a_pair_have_an_identifier_each_but_that_of_sparkplug() {
+    let pair = |half: &str, partner: &str, mqtt: &str, sparkplug: &str| {
+        let standby = format!("[standby]\nhalf = '{half}'\npartner = '{partner}'\n[[line]]\nstandby = true\n");
+        let text = kept(&over("mqtt://broker", &format!("{mqtt}{SPARKPLUG}{sparkplug}")));
+        with(&text, "[[line]]\n", &standby)
+    };
+    let ended = "the broker would end one connection for the other";
+    for (own, whose) in [("x-a", "a"), ("x-b", "b")] {
+        only(
+            &pair("a", "b", "client_id = 'x'\n", &format!("client_id = '{own}'")),
+            &format!(
+                "mqtt.sparkplug.client_id: the gateway `{whose}` has this one for `[mqtt]`, with its `half` behind it: {ended}; \
+                 another one, or leave it out"
+            ),
+        );
+    }
+    for (half, partner, key) in [("sparkplug", "b", "half"), ("a", "sparkplug", "partner")] {
+        for (mqtt, id) in [("client_id = 'x'\n", "x-sparkplug"), ("", "vfd-gateway-plant-a-sparkplug")] {
+            let text = pair(half, partner, mqtt, "");
+            let text = text.replace("[gateway]\n", "[gateway]\nname = 'plant-a'\n");
+            only(
+                &text,
+                &format!(
+                    "standby.{key}: `{id}` would be the identifier for `[mqtt]` and for Sparkplug: {ended}; another name, or \
+                     `client_id` in `[mqtt.sparkplug]`"
+                ),
+            );
+        }
+    }
+    // With a half behind it the one for MQTT differs, and nothing is wrong with these.
+    good(&pair("a", "b", "client_id = 'x'\n", "client_id = 'x'"));
+    good(&pair("a", "b", "client_id = 'x'\n", "client_id = 'x-c'"));
+    good(&pair("a", "b", "", ""));
+    // The name of the gateway stands in what is left out.
+    let named = kept(&over("mqtt://broker", &format!("{SPARKPLUG}client_id = 'vfd-gateway-plant-a'")));
+    only(
+        &named.replace("[gateway]\n", "[gateway]\nname = 'plant-a'\n"),
+        &format!(
+            "mqtt.sparkplug.client_id: the same as `client_id` in `[mqtt]`: {ended}; another one, or leave it out"
+        ),
+    );
+}
+
+#[test]
 fn a_drive_that_a_host_commands_needs_a_sign_of_life_of_it() {
     let control = |from: &str, lease: &str| {
         format!(
