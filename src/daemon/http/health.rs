@@ -74,6 +74,7 @@ fn mqtt(state: &State) -> Value {
             "connected": mqtt.is_connected(),
             "reason": mqtt.lost_reason(),
             "contested": mqtt.is_contested(),
+            "partner_online": mqtt.counters().partner_online,
             "events_waiting": mqtt.counters().events_waiting,
             "events_refused": mqtt.counters().events_refused,
         })

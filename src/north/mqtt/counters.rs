@@ -1,7 +1,7 @@
 //! The counters of the MQTT session.
 
-/// Counts of the MQTT session since start. All but [`Counters::events_waiting`], [`Counters::history_waiting`] and
-/// [`Counters::alive_refused`] only rise.
+/// Counts of the MQTT session since start. All but [`Counters::events_waiting`], [`Counters::history_waiting`],
+/// [`Counters::alive_refused`] and [`Counters::partner_online`] only rise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Messages received.
@@ -42,6 +42,8 @@ pub struct Counters {
     pub too_large: u64,
     /// 1 while the broker does not let us read the alive topic.
     pub alive_refused: u64,
+    /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
+    pub partner_online: Option<bool>,
     /// Attempts to write that were lost because too many were waiting to be fetched.
     pub attempts_lost: u64,
     /// Commands and reads that were never answered.

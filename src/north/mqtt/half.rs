@@ -166,6 +166,12 @@ impl Half {
         self.others.values().any(Other::is_active)
     }
 
+    /// Whether the partner is online by its own words, and was not missed since; `None` without one.
+    pub(super) fn is_partner_online(&self) -> Option<bool> {
+        let partner = self.pair.as_ref()?.partner.as_str();
+        Some(self.others.get(partner).is_some_and(|it| it.is_online))
+    }
+
     /// Takes the document of one of them. Returns whether one that was active is so no longer: what it published last
     /// may have arrived late.
     pub(super) fn heard(&mut self, half: &str, payload: &[u8]) -> bool {

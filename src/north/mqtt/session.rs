@@ -368,8 +368,9 @@ impl Session {
 
     /// The counters so far.
     #[must_use]
-    pub const fn counters(&self) -> Counters {
-        Counters { attempts_lost: self.commands.attempts_lost(), ..self.counters }
+    pub fn counters(&self) -> Counters {
+        let (attempts_lost, partner_online) = (self.commands.attempts_lost(), self.is_partner_online());
+        Counters { attempts_lost, partner_online, ..self.counters }
     }
 }
 

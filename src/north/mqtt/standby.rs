@@ -19,6 +19,11 @@ impl Session {
         self.half.pair().is_some()
     }
 
+    /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
+    pub(super) fn is_partner_online(&self) -> Option<bool> {
+        self.half.is_partner_online().filter(|_| self.path.is_open())
+    }
+
     /// Takes the present roles of the gateway on its lines, in their order. To be called before a message is handled;
     /// [`next_act`](Self::next_act) does it itself.
     pub fn see_roles(&mut self, at: Moment, lines: &[LineState]) {

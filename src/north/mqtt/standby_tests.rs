@@ -279,6 +279,33 @@ fn another_that_is_missed_is_told_as_offline_unless_it_says_that_it_is_there() {
 }
 
 #[test]
+fn whether_the_partner_is_there_is_counted_by_its_own_words() {
+    let online = |rig: &Rig| rig.session.counters().partner_online;
+    let mut rig = half(LineRole::Active);
+    assert_eq!(online(&rig), None, "no broker");
+    rig.connect();
+    assert_eq!(online(&rig), Some(false), "nothing of it stands there");
+    rig.send("standby/c", &other("listening"));
+    assert_eq!(online(&rig), Some(false), "another one");
+    rig.send("standby/a", &other("listening"));
+    assert_eq!(online(&rig), Some(true));
+    // Until it is missed, an end may be that of a third one.
+    rig.send("status", b"offline");
+    assert_eq!(online(&rig), Some(true));
+    rig.pass(6_000);
+    assert_eq!(online(&rig), Some(false));
+    rig.send("standby/a", &other("active"));
+    rig.send("standby/a", br#"{"half": "a", "online": false, "lines": []}"#);
+    assert_eq!(online(&rig), Some(false), "it has said farewell");
+    rig.send("standby/a", &other("active"));
+    rig.handle(Event::Lost);
+    assert_eq!(online(&rig), None);
+    let mut alone = Rig::with(settings(Version::V5));
+    alone.connect();
+    assert_eq!(online(&alone), None);
+}
+
+#[test]
 fn the_farewell_takes_back_what_it_spoke_for() {
     let farewell = |rig: &mut Rig| {
         let acts: Vec<_> = rig.session.farewell(rig.at()).into_iter().map(Act::Publish).collect();

@@ -140,6 +140,15 @@ impl Plant {
     }
 }
 
+/// Whether the half at `end` of `pair` has it from the broker that its partner is there.
+fn knows_its_partner(pair: &Pair, end: usize, is_there: bool) {
+    until(&format!("the partner is there: {is_there}"), PATIENCE, || {
+        let output = vfd_gateway(&["health", "--json", "-c", pair.half(end).file.to_str().unwrap()]);
+        let health: Value = serde_json::from_slice(&output.stdout).ok()?;
+        (health["mqtt"]["partner_online"] == is_there).then_some(())
+    });
+}
+
 /// The role on its line in the document of a half; `None` if it is offline.
 fn role(document: &str) -> Option<String> {
     let document: Value = serde_json::from_str(document).ok()?;
@@ -154,6 +163,8 @@ fn a_killed_half_hides_the_other_from_no_one_for_long() {
     plant.runs(30.0, "at-a");
     let (status, shown) = (plant.all("status").len(), plant.all("drive/pump-2/availability").len());
 
+    knows_its_partner(&plant.pair, A, true);
+    knows_its_partner(&plant.pair, B, true);
     plant.pair.kill(A);
     plant.wait_for_last("line/hall-1/active", |it| it == "b");
     plant.wait_for_last("status", |it| it == "online");
@@ -177,6 +188,7 @@ fn a_killed_half_hides_the_other_from_no_one_for_long() {
     until("both words are there", PATIENCE, || (plant.all("status").len() >= status + 2).then_some(()));
     assert_eq!(plant.all("status")[status..], ["offline", "online"]);
     plant.wait_for_last("standby/a", |it| role(it).is_none());
+    knows_its_partner(&plant.pair, B, false);
     plant.runs(30.0, "at-b-again");
     plant.pair.assert_one_master();
 }

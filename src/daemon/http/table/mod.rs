@@ -228,6 +228,11 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
     gauge("mqtt_alive_refused", "1 while the broker does not let us read `alive_topic`.", |mqtt| {
         Some(mqtt.counters().alive_refused as f64)
     }),
+    gauge(
+        "mqtt_partner_online",
+        "1 while the other gateway of `[standby]` says on MQTT that it is there; absent without one or without a broker.",
+        |mqtt| truth(mqtt.counters().partner_online?),
+    ),
     counter("mqtt_too_large", "Publications that were larger than the broker takes.", |mqtt| {
         Some(mqtt.counters().too_large)
     }),
