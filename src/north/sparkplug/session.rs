@@ -333,7 +333,8 @@ impl Session {
     /// The counters so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
-        Counters { attempts_lost: self.commands.attempts_lost(), ..self.counters }
+        let (attempts_lost, is_left_to_another) = (self.commands.attempts_lost(), !self.is_mine);
+        Counters { attempts_lost, is_left_to_another, ..self.counters }
     }
 }
 

@@ -22,11 +22,13 @@ fn half(role: LineRole) -> Rig {
 fn only_the_active_one_is_connected_and_born() {
     let mut rig = half(LineRole::Listening);
     assert!(!rig.session.wants_connection());
+    assert!(rig.session.counters().is_left_to_another);
     assert_eq!(rig.session.next_wake(), None);
     rig.poll(0, 4_000);
     assert_eq!(rig.acts(), []);
     assert_eq!(set(&mut rig, LineRole::Active), []);
     assert!(rig.session.wants_connection());
+    assert!(!rig.session.counters().is_left_to_another);
     rig.connect(3);
     assert_eq!(kinds(&rig.host(true, 1)), ["NBIRTH", "DBIRTH pump"]);
 }

@@ -1,6 +1,7 @@
 //! What a Sparkplug host that nobody here wrote sees of two gateways that are one edge node.
 
-use super::super::mosquitto::Mosquitto;
+use super::super::mosquitto::{Mosquitto, free_port};
+use super::super::plant::get;
 use super::super::rig::{Place, assert_says, vfd_gateway};
 use super::super::scada::{Scada, metrics};
 use super::super::sparkplug::assert_sequence;
@@ -8,11 +9,14 @@ use super::super::started::until;
 use super::A_WHILE;
 use super::pair::{A, B, PATIENCE, Pair};
 use serde_json::{Value, json};
+use std::net::{Ipv4Addr, SocketAddr};
 
 /// A pair at a broker, and a host that is online.
 struct Plant {
     pair: Pair,
     scada: Scada,
+    /// Where each half serves its metrics.
+    http: [SocketAddr; 2],
     _broker: Mosquitto,
     _place: Place,
 }
@@ -24,14 +28,23 @@ impl Plant {
         let broker = Mosquitto::start(&place.file(""));
         let scada = Scada::online(&broker, version);
         let pair = Pair::new(9_600);
-        for half in &pair.halves {
+        let http = [(); 2].map(|()| SocketAddr::from((Ipv4Addr::LOCALHOST, free_port())));
+        for (half, http) in pair.halves.iter().zip(http) {
             let text = std::fs::read_to_string(&half.file).unwrap();
             let text = text.replace("from = [\"modbus-tcp\"]", "from = [\"modbus-tcp\", \"sparkplug\"]");
             let mqtt = format!("\n[mqtt]\nbroker = \"mqtt://{}\"\nversion = {version}\n", broker.address());
             let sparkplug = "\n[mqtt.sparkplug]\ngroup = \"plant-a\"\nprimary_host = \"scada\"\n";
-            std::fs::write(&half.file, text + &mqtt + sparkplug).unwrap();
+            let http = format!("\n[http]\nlisten = \"{http}\"\n");
+            std::fs::write(&half.file, text + &mqtt + sparkplug + &http).unwrap();
         }
-        Self { pair, scada, _broker: broker, _place: place }
+        Self { pair, scada, http, _broker: broker, _place: place }
+    }
+
+    /// What the half at `end` says of its connection as an edge node; `None` where it has none to have.
+    fn is_connected(&self, end: usize) -> Option<bool> {
+        let (_, metrics) = get(self.http[usize::from(end == B)], "/metrics").expect("the metrics are served");
+        let value = metrics.lines().find_map(|line| line.strip_prefix("vfd_gateway_sparkplug_connected "))?;
+        Some(value.trim() == "1.0")
     }
 
     /// Waits for the births of the node and both drives behind `seen` messages; returns that of the node.
@@ -164,7 +177,9 @@ fn a_half_that_hung_leaves_the_node_to_the_other_when_it_goes_on() {
     plant.pair.wait_for_requests(B, A_WHILE, goes_on);
     plant.runs(20.0);
     assert_eq!(plant.assert_one_at_a_time(), [0, 0], "the one that goes on is not born again");
-    // That the other one has taken its connection over is in order, and no rival.
+    // That the other one has taken its connection over is in order: no rival, and nothing is missing.
+    until("the other one is the node", PATIENCE, || (plant.is_connected(B) == Some(true)).then_some(()));
+    assert_eq!(plant.is_connected(A), None);
     let health = vfd_gateway(&["health", "--json", "-c", plant.pair.half(A).file.to_str().unwrap()]);
     let health: Value = serde_json::from_slice(&health.stdout).unwrap();
     assert_eq!(health["sparkplug"]["contested"], false, "{health}");

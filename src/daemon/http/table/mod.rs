@@ -152,12 +152,16 @@ pub(super) const MODBUS_EXCEPTIONS: Name = Name {
 
 /// The Sparkplug side, if it is configured.
 pub(super) const SPARKPLUG: &[Metric<SparkplugTotals>] = &[
-    gauge("sparkplug_connected", "1 while all is born and the way through the broker is proven.", |it| {
-        truth(it.is_connected())
-    }),
-    gauge("sparkplug_host_awaited", "1 while births wait for the primary host.", |it| {
-        Some(it.counters().host_awaited as f64)
-    }),
+    gauge(
+        "sparkplug_connected",
+        "1 while all is born and the way through the broker is proven; absent while another gateway is the edge node.",
+        |it| truth(it.is_connected()).filter(|_| !it.counters().is_left_to_another),
+    ),
+    gauge(
+        "sparkplug_host_awaited",
+        "1 while births wait for the primary host; absent while another gateway is the edge node.",
+        |it| Some(it.counters().host_awaited as f64).filter(|_| !it.counters().is_left_to_another),
+    ),
     counter("sparkplug_host_losses", "Times that the primary host went offline.", |it| Some(it.counters().host_losses)),
     gauge("sparkplug_contested", "1 while another client wants our identifier at the broker.", |it| {
         truth(it.is_contested())
