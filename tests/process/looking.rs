@@ -168,7 +168,7 @@ fn output_hz(browser: &Browser) -> f64 {
 }
 
 /// What sticks out can only be seen by scrolling sideways. A chart follows a new width of its panel in the next frame.
-fn assert_nothing_sticks_out(browser: &Browser) {
+pub fn assert_nothing_sticks_out(browser: &Browser) {
     browser.wait("document.documentElement.scrollWidth === document.documentElement.clientWidth");
 }
 

@@ -1,8 +1,8 @@
 //! A person hands a line over from the page, in a real browser.
 
-use super::super::chromium::Browser;
+use super::super::chromium::{Browser, Window};
 use super::super::languages::choose;
-use super::super::looking::{PASSWORD, browser_at, sign_in};
+use super::super::looking::{PASSWORD, assert_nothing_sticks_out, browser_at, sign_in};
 use super::super::mosquitto::free_port;
 use super::super::page_control::hash;
 use super::super::rig::{assert_says, vfd_gateway};
@@ -91,6 +91,8 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     browser.hold(BUTTON);
     browser.wait_for_text(RESULT, "kein anderes Gateway hat übernommen: dieses hat die Leitung zurückgenommen");
     browser.wait(&format!("document.querySelector('{BUTTON}').checkVisibility()"));
+    browser.resize(Window::PHONE);
+    assert_nothing_sticks_out(&browser);
     assert_is_active(&pair, B);
     pair.assert_one_master();
 }
