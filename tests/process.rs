@@ -46,7 +46,7 @@
 //! | `serial_master` | a serial master reads and commands drives; noise, foreign units and late answers do not reach it; its port comes and goes, and so does it over reloads |
 //! | `secured` | Modbus Security: certificates on both sides, and what each role may |
 //! | `page_control` | control from the page: sign-in, what is refused, and what happens when the page is gone |
-//! | `standby` | two gateways on one bus: one is killed, hangs, is unplugged, and the other stops what ran; never two masters |
+//! | `standby` | two gateways on one bus: one is killed, hangs, is unplugged, and the other stops what ran; never two masters; what subscribers, a Sparkplug host and the page see of that |
 //! | `stopping` | STOP by every way, and nobody goes on behind it |
 //! | `taking` | control passes from one commander to another, each by the way it came |
 //! | `hanging` | a line whose thread hangs is noticed |

@@ -71,6 +71,7 @@ signs! {
     // The gateway.
     BrokerContested "broker_contested" Problem "another client uses the gateway's client identifier at the broker"
     BrokerUnreachable "broker_unreachable" Problem "the gateway has no connection to the broker"
+    PartnerMissing "partner_missing" Problem "the other gateway of `[standby]` is not there, by its own words on MQTT"
     JournalBroken "journal_broken" Problem "the journal cannot be written"
     JournalMovedAside "journal_moved_aside" Hint "the journal was damaged; a new one was begun and the old one kept"
     JournalRowsLost "journal_rows_lost" Hint "rows of the journal were lost since the start"

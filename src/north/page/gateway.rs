@@ -26,6 +26,8 @@ pub struct BrokerWay {
     pub is_connected: bool,
     /// Another client uses the gateway's identifier.
     pub is_contested: bool,
+    /// The other gateway of a pair does not say that it is there.
+    pub is_partner_missing: bool,
     /// Why there is no connection, with the broker's address, as far as it is known.
     pub lost_reason: Option<String>,
 }

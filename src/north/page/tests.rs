@@ -446,7 +446,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         name: "plant-a".to_owned(),
         started_at: NOW_TEXT.to_owned(),
         is_ready: true,
-        mqtt: Some(BrokerWay { is_connected: true, is_contested: false, lost_reason: None }),
+        mqtt: Some(BrokerWay { is_connected: true, is_contested: false, is_partner_missing: false, lost_reason: None }),
         journal: Some(JournalState { state: "ok", is_ok: true, reason: None, moved_aside: None, lost: 0 }),
         unreachable: None,
     };
@@ -462,10 +462,14 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         lost: 2,
     };
     let lost_reason = Some("broker:1883: Connection refused".to_owned());
-    let away = BrokerWay { is_connected: false, is_contested: false, lost_reason };
+    let away = BrokerWay { is_connected: false, is_contested: false, is_partner_missing: false, lost_reason };
     let said = Gateway { mqtt: Some(away), ..sound.clone() }.advice();
     assert!(said[0].text.to_string().contains("not reached (broker:1883: Connection refused)"), "{said:?}");
-    let mqtt = Some(BrokerWay { is_connected: false, is_contested: true, lost_reason: None });
+    let alone = BrokerWay { is_connected: true, is_contested: false, is_partner_missing: true, lost_reason: None };
+    let said = Gateway { mqtt: Some(alone), ..sound.clone() }.advice();
+    assert!(said[0].text.to_string().contains("the other gateway"), "{said:?}");
+    let mqtt =
+        Some(BrokerWay { is_connected: false, is_contested: true, is_partner_missing: false, lost_reason: None });
     let said: Vec<_> = Gateway { mqtt, journal: Some(journal), ..sound }.advice();
     let parts = ["another client", "(disk full)", "kept as old.db", "2 rows"];
     assert_eq!(said.len(), parts.len());

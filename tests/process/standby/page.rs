@@ -3,19 +3,21 @@
 use super::super::chromium::{Browser, Window};
 use super::super::languages::choose;
 use super::super::looking::{PASSWORD, assert_nothing_sticks_out, browser_at, sign_in};
-use super::super::mosquitto::free_port;
+use super::super::mosquitto::{Mosquitto, free_port};
 use super::super::page_control::hash;
-use super::super::rig::{assert_says, vfd_gateway};
+use super::super::rig::{Place, assert_says, vfd_gateway};
 use super::A_WHILE;
 use super::pair::{A, B, Pair};
 use std::net::{Ipv4Addr, SocketAddr};
 
 const BUTTON: &str = "#line-hall-1 .yield button";
 const RESULT: &str = "#line-hall-1 .yield .result";
+const MISSING: &str = "das andere Gateway des Paars ist nicht da";
 const STATE: &str = "#line-hall-1 .state";
 
-/// A pair with a page on each half, for anna who maintains and bob who operates. `a` is active and runs both drives.
-fn pair() -> (Pair, [SocketAddr; 2]) {
+/// A pair at `broker` with a page on each half, for anna who maintains and bob who operates. `a` is active and runs both
+/// drives.
+fn pair(broker: &Mosquitto) -> (Pair, [SocketAddr; 2]) {
     let mut pair = Pair::new(9_600);
     let pages = [(); 2].map(|()| SocketAddr::from((Ipv4Addr::LOCALHOST, free_port())));
     for (half, page) in pair.halves.iter().zip(pages) {
@@ -25,7 +27,8 @@ fn pair() -> (Pair, [SocketAddr; 2]) {
             format!("\n[[http.users]]\nname = \"{name}\"\nrole = \"{role}\"\npassword_hash = \"{}\"\n", hash())
         };
         let users = user("anna", "maintain") + &user("bob", "operate");
-        std::fs::write(&half.file, format!("{text}\n[http]\nlisten = \"{page}\"\n{users}")).unwrap();
+        let mqtt = format!("\n[mqtt]\nbroker = \"mqtt://{}\"\n", broker.address());
+        std::fs::write(&half.file, format!("{text}{mqtt}\n[http]\nlisten = \"{page}\"\n{users}")).unwrap();
     }
     pair.start_one_behind_the_other();
     pair.run(A, 1);
@@ -48,7 +51,9 @@ fn assert_is_active(pair: &Pair, end: usize) {
 
 #[test]
 fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
-    let (mut pair, [at_a, at_b]) = pair();
+    let place = Place::new();
+    let broker = Mosquitto::start(&place.file(""));
+    let (mut pair, [at_a, at_b]) = pair(&broker);
     let bob = browser_at(at_a);
     bob.wait_for_text(STATE, "active");
     assert!(!bob.is_seen(BUTTON), "nobody is signed in");
@@ -87,7 +92,9 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     let browser = anna(at_b);
     choose(&browser, "de");
     browser.wait_for_text(BUTTON, "An a übergeben");
+    browser.wait(&format!("!document.body.textContent.includes('{MISSING}')"));
     pair.kill(A);
+    browser.wait_for_text("#advice", MISSING);
     browser.hold(BUTTON);
     browser.wait_for_text(RESULT, "kein anderes Gateway hat übernommen: dieses hat die Leitung zurückgenommen");
     browser.wait(&format!("document.querySelector('{BUTTON}').checkVisibility()"));

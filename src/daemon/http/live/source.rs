@@ -96,6 +96,7 @@ impl Source<'_> {
             mqtt: state.mqtt.load().as_ref().map(|mqtt| BrokerWay {
                 is_connected: mqtt.is_connected(),
                 is_contested: mqtt.is_contested(),
+                is_partner_missing: mqtt.counters().partner_online == Some(false),
                 lost_reason: mqtt.lost_reason(),
             }),
             journal,

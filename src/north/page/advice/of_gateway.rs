@@ -19,6 +19,8 @@ impl Gateway {
                     Sign::BrokerUnreachable,
                     unreachable.with("reason", reason_or(way.lost_reason.as_deref(), "unknown_reason.broker")),
                 );
+            } else if way.is_partner_missing {
+                said.say(Sign::PartnerMissing, Sentence::new("finding.partner_missing"));
             }
         }
         self.journal.iter().for_each(|journal| of_journal(&mut said, journal));
