@@ -84,6 +84,7 @@ signs! {
     Suspended "suspended" Problem "so many exchanges fail that RUN is refused"
     BadExchanges "bad_exchanges" Hint "some of the last exchanges failed"
     OtherMaster "other_master" Problem "requests of another master"
+    NoListener "no_listener" Problem "no other gateway answers on the line: none would take it over from this one"
     NoGatewayActive "no_gateway_active" Problem "this gateway is on standby for the line, and hears no active one"
     RivalOnLine "rival_on_line" Hint "another master was heard while this gateway was active on a line with several gateways"
     Stranger "stranger" Problem "frames of stations that are not configured"

@@ -420,14 +420,15 @@ fn a_line_in_trouble_says_what_to_look_at() {
 #[test]
 fn a_line_with_several_gateways_tells_who_sends() {
     let said = |role, hears_other, rivals| {
-        let standby = StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other, listener: None, kept: 0 };
+        let listener = (role == LineRole::Active).then_some(rivals == 0);
+        let standby = StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other, listener, kept: 0 };
         let advice = with_line(LineReport { standby: Some(standby), ..up() }, false, |line| line.advice());
         advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
     };
     assert_eq!(said(LineRole::Listening, true, 0), []);
     assert_eq!(said(LineRole::Active, false, 0), []);
     assert_eq!(said(LineRole::Listening, false, 0), [Sign::NoGatewayActive]);
-    assert_eq!(said(LineRole::Active, false, 2), [Sign::RivalOnLine]);
+    assert_eq!(said(LineRole::Active, false, 2), [Sign::NoListener, Sign::RivalOnLine]);
 }
 
 #[test]

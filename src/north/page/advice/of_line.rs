@@ -33,6 +33,9 @@ impl Line<'_> {
             if standby.role == LineRole::Listening && !standby.hears_other && !is_deaf {
                 said.say(Sign::NoGatewayActive, Sentence::new("finding.no_gateway_active"));
             }
+            if standby.listener == Some(false) {
+                said.say(Sign::NoListener, Sentence::new("finding.no_listener"));
+            }
             if standby.rivals > 0 {
                 said.say(Sign::RivalOnLine, Sentence::new("finding.rival_on_line").with("times", standby.rivals));
             }
