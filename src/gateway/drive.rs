@@ -93,6 +93,11 @@ impl DriveOnLine {
     /// An order or a write for it was taken, whatever follows from it.
     pub(super) fn order_taken(&mut self, now: MonoTime) {
         self.orders_taken = self.orders_taken.wrapping_add(1);
+        self.order_heard(now);
+    }
+
+    /// Another gateway ordered or wrote something at `now`. It counts as no order of this gateway's clients.
+    pub(super) fn order_heard(&mut self, now: MonoTime) {
         self.ordered_at = now;
         self.work.mark_changed();
     }

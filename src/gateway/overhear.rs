@@ -84,7 +84,7 @@ impl LineCore {
                 continue;
             }
             // Memory that is older no longer answers reads.
-            drive.order_taken(at);
+            drive.order_heard(at);
             let order = decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values);
             if let Ok(order) = order {
                 drive.work.heard(&order, at, &mut self.effects);

@@ -96,6 +96,8 @@ fn a_listener_knows_what_the_drive_does_and_takes_no_commands() {
         pair.pass(SECOND);
         assert_eq!(pair.told(1, ticket), Some((Outcome::Refused, Reason::Standby)));
     }
+    // Memory answers reads by the number of orders that its own clients gave.
+    assert_eq!(pair.view(1, 0).orders.taken, 2);
     pair.read(1, 0, 0x0201, 1);
     let answer = pair.halves[1].answers.pop().unwrap();
     assert_eq!(answer.outcome, NativeOutcome::Refused(Refusal::Standby));

@@ -158,6 +158,10 @@ fn a_listener_refuses_commands_by_its_reason_and_shows_what_it_hears() {
     until("both show the same output", PATIENCE, || {
         (matches!(output(A).as_deref(), Ok([3000])) && output(B) == output(A)).then_some(())
     });
+    // So are registers of the drive itself, after orders that were heard.
+    until("a native read is answered from what was heard", PATIENCE, || {
+        Raw::connect(pair.half(B).modbus).read_unit(2, 0x0101, 1).ok()
+    });
 }
 
 /// Where the pair is cut between them, both are masters of their own half. Nothing is promised then, but it must end well.

@@ -70,7 +70,7 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     browser.wait(&format!("document.querySelector('{BUTTON}').checkVisibility()"));
     browser.wait_for_text(BUTTON, "Hand over to b");
     let title = browser.script(&format!("return document.querySelector('{BUTTON}').title"));
-    assert!(title.as_str().unwrap().contains("Look first whether b runs."), "{title}");
+    assert!(title.as_str().unwrap().contains("Nothing changes unless b answers."), "{title}");
     browser.click(BUTTON);
     browser.wait_for_text(BUTTON, "Again: Hand over to b");
     assert_is_active(&pair, A);
@@ -96,7 +96,7 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     pair.kill(A);
     browser.wait_for_text("#advice", MISSING);
     browser.hold(BUTTON);
-    browser.wait_for_text(RESULT, "kein anderes Gateway hat übernommen: dieses hat die Leitung zurückgenommen");
+    browser.wait_for_text(RESULT, "kein anderes Gateway antwortet: nichts geändert");
     browser.wait(&format!("document.querySelector('{BUTTON}').checkVisibility()"));
     browser.resize(Window::PHONE);
     assert_nothing_sticks_out(&browser);
