@@ -4,7 +4,7 @@
 mod record;
 mod wire;
 
-pub use record::{Frame, meetings};
+pub use record::{FOR_ALL, Frame, meetings};
 
 use record::Record;
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};

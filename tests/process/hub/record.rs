@@ -8,6 +8,9 @@ use vfd_gateway::wire::crc;
 /// An end that has been silent for this long has left the line to others.
 const HAS_LEFT: Duration = Duration::from_secs(1);
 
+/// The stations of a frame for all drives: that of Modbus, and that of an N700.
+pub const FOR_ALL: [u8; 2] = [0, 255];
+
 /// Characters that one end sent without a pause.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
@@ -23,7 +26,9 @@ impl Frame {
     /// The register and the word of a single write to `station`, broadcasts included.
     pub fn written(&self, station: u8) -> Option<(u16, u16)> {
         match self.bytes[..] {
-            [to, 6, high, low, word_high, word_low, _, _] if (to == station || to == 0) && self.is_sound() => {
+            [to, 6, high, low, word_high, word_low, _, _]
+                if (to == station || FOR_ALL.contains(&to)) && self.is_sound() =>
+            {
                 Some((u16::from_be_bytes([high, low]), u16::from_be_bytes([word_high, word_low])))
             }
             _ => None,

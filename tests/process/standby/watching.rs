@@ -1,5 +1,6 @@
 //! What clients of a gateway see while it takes a line over: when all values are fresh, and when a command is carried out.
 
+use super::super::hub::FOR_ALL;
 use super::super::raw::Raw;
 use super::super::started::until;
 use super::pair::{A, B, Order, PATIENCE, Pair, RUN_COMMAND, STOP, orders};
@@ -130,7 +131,10 @@ fn command(pair: &Pair, end: usize) -> Commanded {
 /// ordered since it commands.
 pub fn wrong_orders(pair: &Pair, end: usize, seen: usize, commanded: Option<Commanded>) -> usize {
     let is_declared = |order: &Order| *order == (end, 1, STOP.0, STOP.1);
-    let is_of_client = |order: &Order| (order.0, order.1) == (end, COMMANDED) && ORDERED.contains(&(order.2, order.3));
+    // With the declared stop still to be sent, its STOP goes to both drives in one frame.
+    let stops_all = |order: &Order| order.0 == end && FOR_ALL.contains(&order.1) && (order.2, order.3) == STOP;
+    let is_commanded = |order: &Order| (order.0, order.1) == (end, COMMANDED) && ORDERED.contains(&(order.2, order.3));
+    let is_of_client = |order: &Order| is_commanded(order) || stops_all(order);
     let mut before = pair.hub.frames(seen);
     let behind = commanded.map(|it| before.split_off(it.idle_until - seen)).unwrap_or_default();
     let wrong_before = orders(before).iter().filter(|order| !is_declared(order)).count();
