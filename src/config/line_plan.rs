@@ -119,7 +119,9 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
     let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
     let further = each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
     let first_stop = begins + all_healthy.max(one_silent);
-    let last_stop = first_stop + further;
+    // If the drive that is stopped first is silent, the take-over is said once more, after a random wait.
+    let again = if commanded > 1 { StandbyTimes::waits_after_silence() + claim(line) } else { Duration::ZERO };
+    let last_stop = first_stop + further + again;
     let owes = |drive: &DriveSettings| {
         let waits = reply_timeouts(drive);
         waits.read.max(waits.write).max(waits.stored_write) + drive.max_lateness

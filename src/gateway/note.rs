@@ -126,8 +126,13 @@ pub enum LineNote {
     #[error("listening on the line: {}", given_up(.0))]
     GivenUp(Change),
     /// Another master was heard while this gateway was active.
-    #[error("listening on the line: rival_on_line, another master sent {0}")]
-    Rival(HeardFrame),
+    #[error("listening on the line: rival_on_line, another {} sent {frame}", sender(.is_gateway))]
+    Rival {
+        /// What it sent.
+        frame: HeardFrame,
+        /// It was a signal between gateways. What another gateway asks a drive cannot be told from what any master asks.
+        is_gateway: bool,
+    },
     /// The suspected cause of the failures; `None`: no longer any.
     #[error("{}", suspected(.0))]
     Suspects(Option<Suspicion>),
@@ -159,6 +164,10 @@ impl fmt::Display for HeardFrame {
         }
         if self.len > self.bytes.len() { write!(f, " ... ({} bytes)", self.len) } else { Ok(()) }
     }
+}
+
+const fn sender(is_gateway: &bool) -> &'static str {
+    if *is_gateway { "gateway" } else { "master" }
 }
 
 const fn given_up(change: &Change) -> &'static str {

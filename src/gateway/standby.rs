@@ -51,13 +51,13 @@ impl LineCore {
     /// process that was suspended since the decision may no longer send: another gateway may have taken the line over. The
     /// exchange then ends as if the drive were silent.
     pub fn may_transmit(&mut self, now: MonoTime) -> bool {
-        if let Some(share) = &self.share
-            && share.signal == Some(SignalKind::Listening)
-        {
-            return share.answer.is_some_and(|answer| answer.may_be_sent(now));
-        }
-        let may = self.may_send(now);
-        if let Some(share) = self.share.as_mut().filter(|_| may) {
+        let may_send = self.may_send(now);
+        let Some(share) = &mut self.share else { return may_send };
+        let is_answer = share.signal == Some(SignalKind::Listening);
+        let may = if is_answer { share.answer.is_some_and(|answer| answer.may_be_sent(now)) } else { may_send };
+        if !may {
+            share.signal = None;
+        } else if !is_answer {
             share.rule.sent(now);
         }
         may
@@ -84,8 +84,9 @@ impl LineCore {
     }
 
     pub(super) fn share_port_gone(&mut self, now: MonoTime) {
-        let gave_up = self.share.as_mut().is_some_and(|share| share.rule.port_gone());
-        if gave_up {
+        let Some(share) = &mut self.share else { return };
+        (share.signal, share.answer, share.gave_way) = (None, None, false);
+        if share.rule.port_gone() {
             self.count_given_up(now);
         }
     }
@@ -260,7 +261,9 @@ impl LineCore {
         self.end_all(waiting, &NativeOutcome::Refused(Refusal::Standby));
         self.count_given_up(now);
         let note = match frame {
-            Some(frame) => LineNote::Rival(HeardFrame::of(frame)),
+            Some(frame) => {
+                LineNote::Rival { frame: HeardFrame::of(frame), is_gateway: self.signal_in(frame).is_some() }
+            }
             None => LineNote::GivenUp(change),
         };
         self.effects.push_back(Effect::LineNote(note));

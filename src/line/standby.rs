@@ -26,7 +26,8 @@ const ANSWER_STEP: Duration = Duration::from_millis(30);
 const TIE_BREAK: Duration = Duration::from_millis(500);
 /// Longest random wait before the next frame, if no drive has answered since the line was taken over.
 const CONTEND_WAIT: Duration = Duration::from_millis(250);
-/// How many times in a row one waits like that.
+/// How many times in a row one waits like that, if what comes is damaged. Silence is more often that of a drive that is
+/// off: then it waits once.
 const CONTEND_MAX: u8 = 3;
 /// The least of [`StandbyTimes::silent_at_most`].
 const SILENT_AT_LEAST: Duration = Duration::from_millis(1500);
@@ -87,6 +88,12 @@ impl StandbyTimes {
             signal_after: SIGNAL_AFTER.saturating_sub(SIGNAL_STEP * rank),
             ..self
         }
+    }
+
+    /// Longest additional wait after a take-over, if the first drive that is asked is silent.
+    #[must_use]
+    pub const fn waits_after_silence() -> Duration {
+        CONTEND_WAIT
     }
 
     /// Longest time from the last frame of an active gateway to the first frame of this one, on a line that is not
@@ -299,7 +306,7 @@ impl Standby {
     /// for a random time: who waits longer hears the other one. If that does not help, the line is given up.
     pub fn unanswered(&mut self, now: MonoTime, is_damaged: bool) -> Option<Change> {
         let State::Active { sent_at } = self.state else { return None };
-        if self.contended < CONTEND_MAX {
+        if self.contended < if is_damaged { CONTEND_MAX } else { 1 } {
             self.contended += 1;
             let at = now + self.random(CONTEND_WAIT);
             let until = (at + HAND_OVER_MAX).min(sent_at + self.times.silent_at_most);

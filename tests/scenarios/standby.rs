@@ -330,9 +330,9 @@ fn another_master_ends_the_role_at_once() {
     pair.bus.speak(now, &request);
     pair.pass(Duration::from_millis(200));
     assert_eq!(pair.role(0), LineRole::Listening);
-    let rivals = pair.halves[0].line_notes.iter().filter(|(_, note)| matches!(note, LineNote::Rival(_)));
+    let rivals = pair.halves[0].line_notes.iter().filter(|(_, note)| matches!(note, LineNote::Rival { .. }));
     let text = rivals.map(|(_, note)| note.to_string()).next().unwrap();
-    assert!(text.contains("rival_on_line") && text.contains("09 03 00 01 00 01"), "{text}");
+    assert!(text.contains("rival_on_line, another master sent 09 03 00 01 00 01"), "{text}");
     pair.pass(SECOND * 10);
     let active = [0, 1].into_iter().filter(|half| pair.role(*half) == LineRole::Active).count();
     assert_eq!(active, 1, "the line is taken again");
@@ -475,7 +475,7 @@ fn the_active_gateway_knows_whether_another_one_listens() {
         pair.pass(SECOND * 65);
         assert_eq!(known(&mut pair), Some(!lost));
     }
-    assert!(pair.halves[0].line_notes.iter().all(|(_, note)| !matches!(note, LineNote::Rival(_))));
+    assert!(pair.halves[0].line_notes.iter().all(|(_, note)| !matches!(note, LineNote::Rival { .. })));
 }
 
 #[test]
@@ -549,6 +549,8 @@ fn of_two_that_take_the_line_at_once_one_goes_on() {
     assert_eq!(pair.role(active), LineRole::Active, "it stays so");
     let given_up = [0, 1].map(|half| pair.core(half).report().standby.unwrap().given_up);
     assert_eq!((given_up[active], given_up[1 - active]), (0, 1));
+    let text = pair.halves[1 - active].line_notes.last().unwrap().1.to_string();
+    assert!(text.contains("rival_on_line, another gateway sent FA 03"), "{text}");
 }
 
 #[test]

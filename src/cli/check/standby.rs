@@ -158,15 +158,15 @@ mod tests {
     if b is lost, at most after that:
       4074 ms: a has said that it sends (a last reply 561 ms, T3, up to 500 ms if both gave the line up, a signal)
       4636 ms: the first STOP starts (and the bound of a stop on the line)
-      4667 ms: the last of 2 STOPs starts
+      4930 ms: the last of 2 STOPs starts
         for those that were ordered to run: pump-1 (stop), pump-2 (coast)
-      5262 ms: all values are fresh (the effect of each STOP is read, and one full refresh, 247 ms),
+      5525 ms: all values are fresh (the effect of each STOP is read, and one full refresh, 247 ms),
         and commands are accepted; RUN without `epoch` or `issued_at` up to 3000 ms (`restart_delay`) after a stop
 ";
         assert_eq!(part, expected);
         assert!(found.contains("; other gateway lost: coast\n"), "{found}");
         let row = "standby on hall (a, rank 1; the other one is b): T1 500 ms, T2 1500 ms, T3 3000 ms; if b is lost, at most: first \
-                   STOP after 4636 ms, fresh values and commands after 5262 ms\n";
+                   STOP after 4636 ms, fresh values and commands after 5525 ms\n";
         let summary = summary::summary(&config);
         assert!(summary.contains(row), "{summary}");
     }

@@ -154,6 +154,10 @@ fn two_that_took_the_line_in_step_wait_for_different_times() {
     first.sent(now);
     assert_eq!((first.unanswered(now, false), first.claims_at()), (None, None));
     assert_eq!(first.unanswered(now, true), Some(Change::Collided));
+    // A drive that is off makes it wait once.
+    let (mut unheard, _) = claims(4);
+    unheard.sent(at(2800));
+    assert_eq!((unheard.unanswered(at(3100), false), unheard.claims_at()), (None, None));
     // One that stalled meanwhile may not send for longer than any other.
     let (mut late, _) = claims(3);
     late.sent(at(3000));
