@@ -6,103 +6,21 @@
 //! between sending a frame and hearing it. So there are never two that may send, without a network and without clocks that
 //! agree.
 
-use super::timing::Timing;
+mod times;
+
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
-use crate::wire::framing;
 use std::time::Duration;
+use times::{CONTEND_WAIT, HAND_OVER_MAX, TIE_BREAK};
+pub use times::{RANK_STEP, SIGNAL_AFTER, StandbyTimes};
 
-/// How long the active gateway may leave the line silent before it sends a signal for its own sake.
-pub const SIGNAL_AFTER: Duration = Duration::from_millis(500);
-/// How much later each rank takes a line over than the one before it.
-pub const RANK_STEP: Duration = Duration::from_millis(500);
-/// How much sooner each rank sends again than the one before it.
-const SIGNAL_STEP: Duration = Duration::from_millis(35);
-/// The same where the line is handed over: its first frame must be heard before the next rank has its turn.
-const ACCEPT_STEP: Duration = Duration::from_millis(200);
-/// How much later each rank answers a question.
-const ANSWER_STEP: Duration = Duration::from_millis(30);
-/// Longest random wait before a line that two gateways gave up is taken again.
-const TIE_BREAK: Duration = Duration::from_millis(500);
-/// Longest random wait before the next frame, if no drive has answered since the line was taken over.
-const CONTEND_WAIT: Duration = Duration::from_millis(250);
-/// How many times in a row one waits like that, if what comes is damaged. Silence is more often that of a drive that is
+/// How many times in a row one waits for [`CONTEND_WAIT`], if what comes is damaged. Silence is more often that of a drive that is
 /// off: then it waits once.
 const CONTEND_MAX: u8 = 3;
-/// The least of [`StandbyTimes::silent_at_most`].
-const SILENT_AT_LEAST: Duration = Duration::from_millis(1500);
-/// The least of [`StandbyTimes::take_over_after`] at rank 0.
-const TAKE_OVER_AT_LEAST: Duration = Duration::from_millis(2500);
-/// How much longer than its longest exchange the active gateway may be silent: time in which it is not scheduled.
-const SLACK: Duration = Duration::from_millis(500);
-/// How long an adapter may hold received bytes back: the longest latency timer of common USB adapters.
-const HELD_BACK: Duration = Duration::from_millis(255);
-/// How long handing a frame to the port may take. One that took longer was sent late: another gateway may have taken
-/// the line over in between.
-const HAND_OVER_MAX: Duration = Duration::from_millis(250);
 /// How often a listener looks at a silent line.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// A listener that did not look for longer was suspended, perhaps with its whole host: it may have missed what was sent.
 const LOOK_MAX: Duration = Duration::from_millis(400);
-/// Two clocks differ by at most one part in this many.
-const DRIFT: u32 = 50;
-
-/// The times of the rule on one line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StandbyTimes {
-    /// Longest time since its last frame within which the active gateway may send another.
-    pub silent_at_most: Duration,
-    /// Silence after which this gateway takes the line over, with its rank.
-    pub take_over_after: Duration,
-    /// How soon it takes over a line that is handed over, by its rank.
-    pub accept_after: Duration,
-    /// How soon it answers when the active gateway asks who listens, by its rank: who hears another answer gives none.
-    pub answer_after: Duration,
-    /// How long it leaves the line silent while it is active, at most [`SIGNAL_AFTER`]. It differs by rank, so that two
-    /// that are active do not stay in step, where neither hears the other.
-    pub signal_after: Duration,
-}
-
-impl StandbyTimes {
-    /// The shortest safe times at rank 0 on a line with this `timing`, where no exchange lasts longer than
-    /// `longest_exchange`.
-    #[must_use]
-    pub fn shortest(timing: &Timing, longest_exchange: Duration) -> Self {
-        let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(SIGNAL_AFTER) + SLACK);
-        let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
-        let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
-        let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
-        let (accept_after, answer_after) = (Duration::ZERO, Duration::ZERO);
-        Self { silent_at_most, take_over_after, accept_after, answer_after, signal_after: SIGNAL_AFTER }
-    }
-
-    /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
-    #[must_use]
-    pub fn with(self, take_over_after: Option<Duration>, rank: u8) -> Self {
-        let silence = take_over_after.unwrap_or_default().max(self.take_over_after);
-        let rank = u32::from(rank);
-        Self {
-            take_over_after: silence + RANK_STEP * rank,
-            accept_after: ACCEPT_STEP * rank,
-            answer_after: ANSWER_STEP * rank,
-            signal_after: SIGNAL_AFTER.saturating_sub(SIGNAL_STEP * rank),
-            ..self
-        }
-    }
-
-    /// Longest additional wait after a take-over, if the first drive that is asked is silent.
-    #[must_use]
-    pub const fn waits_after_silence() -> Duration {
-        CONTEND_WAIT
-    }
-
-    /// Longest time from the last frame of an active gateway to the first frame of this one, on a line that is not
-    /// noisy.
-    #[must_use]
-    pub fn worst_take_over(&self) -> Duration {
-        self.take_over_after + TIE_BREAK
-    }
-}
 
 /// Whether this gateway may send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,6 +64,8 @@ pub struct Standby {
     accept_at: Option<MonoTime>,
     /// Frames since the line was taken over that were not answered, while none was.
     contended: u8,
+    /// From then on what is received while it listens is known to have come just now.
+    attentive_from: MonoTime,
     seed: u64,
 }
 
@@ -153,7 +73,15 @@ impl Standby {
     /// The rule with `times`, on a port that is not open yet. `seed` differs between gateways and starts.
     #[must_use]
     pub const fn new(times: StandbyTimes, seed: u64) -> Self {
-        Self { times, state: State::Deaf, heard_at: None, accept_at: None, contended: 0, seed }
+        Self {
+            times,
+            state: State::Deaf,
+            heard_at: None,
+            accept_at: None,
+            contended: 0,
+            attentive_from: MonoTime::ZERO,
+            seed,
+        }
     }
 
     /// The times of the rule.
@@ -197,10 +125,12 @@ impl Standby {
         self.heard_at.is_some_and(|at| now.since(at) <= self.times.silent_at_most)
     }
 
-    /// Whether this gateway listens, and was not suspended right before `now`: what it has just received came just now.
+    /// Whether this gateway listens, and was not suspended right before `now`: what it has just received came just now, and
+    /// did not wait in the port.
     #[must_use]
     pub fn is_attentive(&self, now: MonoTime) -> bool {
-        matches!(self.state, State::Listening { looked_at, .. } if now.since(looked_at) <= LOOK_MAX)
+        let looked = matches!(self.state, State::Listening { looked_at, .. } if now.since(looked_at) <= LOOK_MAX);
+        looked && now >= self.attentive_from
     }
 
     /// When another gateway or master was last heard; `None` if never since the port was opened.
@@ -363,6 +293,7 @@ impl Standby {
                 let was_suspended = now.since(looked_at) > LOOK_MAX;
                 if was_suspended {
                     self.accept_at = None;
+                    self.attentive_from = now + LOOK_MAX;
                 }
                 let quiet_from = if was_suspended { now } else { quiet_from };
                 if is_free && self.accept_at.is_some_and(|at| now >= at) {
@@ -382,6 +313,7 @@ impl Standby {
     /// Listens from `now` on, with a random part in the wait: whatever made two gateways send must not repeat in step.
     fn listen(&mut self, now: MonoTime) {
         let extra = self.random(TIE_BREAK);
+        self.attentive_from = now + LOOK_MAX;
         self.state = State::Listening { quiet_from: now, looked_at: now, extra };
     }
 

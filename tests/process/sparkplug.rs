@@ -282,7 +282,16 @@ fn a_trip_and_values_of_an_outage_are_reported_as_history_in_order() {
     drop(scada);
     plant.broker.kill();
     plant.wait_until_it_stands();
-    until("changes wait", PATIENCE, || (plant.metric("vfd_gateway_sparkplug_history_waiting") > 5.0).then_some(()));
+    // The gateway has polled the standstill, and no more changes come.
+    let mut before = 0.0;
+    until("the standstill waits as well", PATIENCE, || {
+        let (_, text) = plant.get("/metrics")?;
+        let output = text.lines().find(|line| line.starts_with("vfd_gateway_drive_output_frequency_hertz{"))?;
+        let stands = output.ends_with(" 0.0") || output.ends_with(" 0");
+        let waiting = plant.metric("vfd_gateway_sparkplug_history_waiting");
+        let is_all = waiting > 5.0 && std::mem::replace(&mut before, waiting) == waiting;
+        (stands && is_all).then_some(())
+    });
     plant.broker.start_again();
     let scada = Scada::online(&plant.broker, "5");
     let mut moments = Vec::new();

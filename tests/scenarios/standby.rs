@@ -502,6 +502,21 @@ fn a_listener_that_was_suspended_gives_no_late_answer() {
 }
 
 #[test]
+fn one_that_was_suspended_while_it_was_active_gives_no_late_answer() {
+    let mut pair = running(OnGatewayLost::Stop);
+    pair.halves[0].is_suspended = true;
+    pair.until(SECOND * 20, |pair| signals(pair, 1, SignalKind::Question, MonoTime::ZERO) > 0)
+        .expect("the other one asks");
+    let asked = pair.now;
+    pair.pass(Duration::from_millis(200));
+    pair.resume(0);
+    pair.pass(Duration::from_millis(150));
+    assert_eq!(signals(&pair, 0, SignalKind::Listening, asked), 0);
+    pair.pass(SECOND * 3);
+    assert_eq!(pair.core(1).report().standby.unwrap().listener, Some(true), "it answers the next one");
+}
+
+#[test]
 fn a_stop_does_not_wait_for_the_answer_of_a_listener() {
     let mut pair = running(OnGatewayLost::Stop);
     pair.kill(1);

@@ -1,5 +1,5 @@
-//! Two gateways on one line, and what goes wrong in years: kills, suspends, lost ports, frames that are not heard, clocks
-//! that differ. `SIMULATED=10000000 cargo test --release --test suite standby_trouble -- --nocapture` plays as much time.
+//! Two gateways on one line, and what goes wrong in years: kills, suspends, lost ports, cuts of the pair between the two,
+//! frames that are not heard, noise, echoes, clocks that differ. `SIMULATED=10000000 cargo test --release --test suite standby_trouble -- --nocapture` plays as much time.
 
 use crate::support::pair::Pair;
 use crate::support::{ORIGIN, RigOptions, STOP, control, run};
@@ -9,6 +9,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::Ticket;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::sim::FaultPlan;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 /// Simulated time without `SIMULATED`.
@@ -23,9 +24,36 @@ enum Fault {
     Suspend,
     SuspendAtThePort,
     Unplug,
+    /// The pair is cut between the two. Each is master of its own part then; nothing is promised but that it ends.
+    Cut,
 }
 
-const FAULTS: [Fault; 4] = [Fault::Kill, Fault::Suspend, Fault::SuspendAtThePort, Fault::Unplug];
+const FAULTS: [Fault; 5] = [Fault::Kill, Fault::Suspend, Fault::SuspendAtThePort, Fault::Unplug, Fault::Cut];
+
+/// What the line is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Line {
+    Good,
+    /// The gateways do not hear 2 % of each other's frames.
+    Lossy,
+    /// Replies of drives come damaged, cut short, not at all, or behind noise.
+    Noisy,
+    /// Each adapter receives what it sends.
+    Echoing,
+}
+
+const LINES: [Line; 5] = [Line::Good, Line::Good, Line::Lossy, Line::Noisy, Line::Echoing];
+
+impl Line {
+    /// Most frames that the one that leaves sends while the other one sends.
+    const fn doubled_at_most(self) -> u64 {
+        match self {
+            Self::Good | Self::Noisy | Self::Echoing => 1,
+            // Each that is not heard is one more.
+            Self::Lossy => 4,
+        }
+    }
+}
 
 /// What was seen.
 #[derive(Debug, Default)]
@@ -37,6 +65,9 @@ struct Seen {
     doubled: u64,
     /// Most of them in one term.
     longest_doubled: u64,
+    /// The same of the two masters that a cut made, once the pair is whole again.
+    doubled_after_cut: u64,
+    longest_after_cut: u64,
     restarts: u64,
     /// Rounds in which the drive was not started.
     refused: u64,
@@ -55,6 +86,8 @@ struct Watch {
 struct Play {
     pair: Pair,
     watch: Watch,
+    /// The pair is cut, or was and has not been seen with one master since.
+    follows_cut: bool,
     seen: Seen,
     /// RUN orders that each gateway accepted.
     accepted: [u64; 2],
@@ -62,17 +95,22 @@ struct Play {
 }
 
 impl Play {
-    fn new(seed: u64, loses_per_mille: u64) -> Self {
+    fn new(seed: u64, line: Line) -> Self {
         let settings =
             ControlSettings { on_gateway_lost: Some(OnGatewayLost::Stop), lost_after: MS(1 << 40), ..control() };
+        let is_echoing = line == Line::Echoing;
         let options = RigOptions { control: Some(settings), seed, poll: MS(2000), ..RigOptions::controlled() };
         let mut pair = Pair::new(2, &options);
+        if line == Line::Noisy {
+            pair.bus.set_faults(FaultPlan { noise: 5, lost: 2, cut: 2, flip: 5, ..FaultPlan::NONE });
+        }
         for (half, drift) in [(0, 10_000), (1, -10_000)] {
             pair.halves[half].drift_ppm = if seed.is_multiple_of(2) { drift } else { -drift };
-            pair.halves[half].loses_per_mille = loses_per_mille;
+            pair.halves[half].loses_per_mille = if line == Line::Lossy { 20 } else { 0 };
+            pair.halves[half].echoes = is_echoing;
             pair.start(half);
         }
-        Self { pair, watch: Watch::default(), seen: Seen::default(), accepted: [0; 2], ran: [0; 2] }
+        Self { pair, watch: Watch::default(), follows_cut: false, seen: Seen::default(), accepted: [0; 2], ran: [0; 2] }
     }
 
     fn pass(&mut self, time: Duration) {
@@ -97,10 +135,17 @@ impl Play {
             let own = &mut self.watch.terms[half];
             if own.0 != term {
                 *own = (term, sent.at, 0);
-            } else if others_began > own.1 && other_goes_on {
+            } else if others_began > own.1 && other_goes_on && !self.pair.is_cut {
                 own.2 += 1;
-                self.seen.doubled += 1;
-                self.seen.longest_doubled = self.seen.longest_doubled.max(own.2);
+                let (doubled, longest) = if self.follows_cut {
+                    (&mut self.seen.doubled_after_cut, &mut self.seen.longest_after_cut)
+                } else {
+                    (&mut self.seen.doubled, &mut self.seen.longest_doubled)
+                };
+                *doubled += 1;
+                *longest = (*longest).max(own.2);
+            } else {
+                own.2 = 0;
             }
             if sent.pdu.starts_with(&RUN) && sent.pdu[3..5] == [0, 1] {
                 self.ran[half] += 1;
@@ -179,6 +224,7 @@ impl Play {
             Fault::Suspend => self.pair.halves[active].is_suspended = true,
             Fault::SuspendAtThePort => self.pair.halves[active].stalls_at_port = true,
             Fault::Unplug => self.pair.unplug(active),
+            Fault::Cut => return self.cut(),
         }
         let begin = self.pair.now;
         let limit = bound + MS(600);
@@ -191,6 +237,17 @@ impl Play {
         let rest = self.pair.random_below(8000);
         self.pass(MS(rest));
         self.pair.halves[active].stalls_at_port = false;
+    }
+
+    /// The pair is cut for a while, and is whole again: one of the two goes on.
+    fn cut(&mut self) {
+        (self.pair.is_cut, self.follows_cut) = (true, true);
+        let lasts = self.pair.random_below(10_000);
+        self.pass(MS(lasts));
+        self.pair.is_cut = false;
+        self.pass(MS(5000));
+        self.settle();
+        self.follows_cut = false;
     }
 
     fn first_stop(&self, half: usize, from: MonoTime) -> Option<MonoTime> {
@@ -209,14 +266,14 @@ fn seconds() -> u64 {
 #[test]
 fn in_years_of_trouble_one_sends_and_a_running_drive_is_stopped_in_time() {
     let mut totals = Vec::new();
-    for (seed, loses_per_mille) in [(1, 0), (2, 0), (3, 20)] {
-        let mut play = Play::new(seed, loses_per_mille);
+    for (seed, line) in (1..).zip(LINES) {
+        let mut play = Play::new(seed, line);
         let times = play.pair.halves[1].setup.standby.unwrap();
         // A clock that is slow by one per cent takes longer; then the line's own frames.
         let bound = times.worst_take_over() + times.worst_take_over() / 50 + MS(400);
-        let end = play.pair.now + Duration::from_secs(seconds() / 3);
+        let end = play.pair.now + Duration::from_secs(seconds() / LINES.len() as u64);
         while play.pair.now < end {
-            let fault = FAULTS[play.pair.random_below(4) as usize];
+            let fault = FAULTS[play.pair.random_below(5) as usize];
             play.round(fault, bound);
             let frames = play.pair.sent.len();
             if frames > 10_000 {
@@ -228,18 +285,19 @@ fn in_years_of_trouble_one_sends_and_a_running_drive_is_stopped_in_time() {
                 "nothing starts by itself"
             );
         }
-        // Each frame that is not heard is one more.
-        let most = if loses_per_mille > 0 { 4 } else { 1 };
-        assert!(play.seen.longest_doubled <= most, "{loses_per_mille} per mille: {}", play.seen.longest_doubled);
-        totals.push((loses_per_mille, bound, play.seen));
+        assert!(play.seen.longest_doubled <= line.doubled_at_most(), "{line:?}: {}", play.seen.longest_doubled);
+        // They may run into each other some times before one is heard.
+        assert!(play.seen.longest_after_cut <= 10, "{line:?}: {}", play.seen.longest_after_cut);
+        totals.push((line, bound, play.seen));
     }
-    for (loses_per_mille, bound, mut seen) in totals {
+    for (line, bound, mut seen) in totals {
         seen.stops.sort_unstable();
         let at =
             |share: usize| seen.stops.get((seen.stops.len() * share / 1000).min(seen.stops.len().saturating_sub(1)));
         println!(
-            "{loses_per_mille} per mille lost: {} rounds, {} commands to both, {} restarts; first STOP after p50 {:?} ms, \
-             p99 {:?} ms, longest {:?} ms, bound {} ms; frames after the other one began: {}, most in one term {}",
+            "{line:?}: {} rounds, {} commands to both, {} restarts; first STOP after p50 {:?} ms, \
+             p99 {:?} ms, longest {:?} ms, bound {} ms; frames after the other one began: {}, most in one term {}; \
+             after cuts: {}, {}",
             seen.rounds,
             seen.commands,
             seen.restarts,
@@ -248,7 +306,9 @@ fn in_years_of_trouble_one_sends_and_a_running_drive_is_stopped_in_time() {
             at(1000),
             bound.as_millis(),
             seen.doubled,
-            seen.longest_doubled
+            seen.longest_doubled,
+            seen.doubled_after_cut,
+            seen.longest_after_cut
         );
         assert!(seen.refused * 4 < seen.rounds, "{} of {} rounds did not start the drive", seen.refused, seen.rounds);
         assert!(seen.stops.len() as u64 * 2 > seen.rounds, "most rounds have measured something: {}", seen.stops.len());

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::domain::link::{Framing, LinkSettings};
+use crate::line::timing::Timing;
 use crate::vendors;
 use std::collections::HashSet;
 
