@@ -206,13 +206,14 @@ impl LineCore {
                 self.tell_of(heard);
                 continue;
             }
-            if self.hears_listener(now, &heard.bytes) {
+            let is_of_others = matches!(heard.kind, TrafficKind::OtherMaster(_));
+            if is_of_others && self.hears_listener(now, &heard.bytes) {
                 self.tell_of(heard);
                 continue;
             }
             // The adapter does not echo: another gateway has asked the same.
             let is_no_echo = heard.kind == TrafficKind::Echo && self.is_no_echo(&heard.bytes);
-            let is_foreign = matches!(heard.kind, TrafficKind::OtherMaster(_)) && !self.is_own_signal(&heard.bytes);
+            let is_foreign = is_of_others && !self.is_own_signal(&heard.bytes);
             if is_no_echo || is_foreign {
                 rival = self.share.is_some().then(|| heard.bytes.clone());
             }

@@ -30,13 +30,8 @@ impl LineCore {
             return None;
         }
         self.health.was_probed(now);
-        Some(self.probe_any(now))
-    }
-
-    /// A read for its own sake, if possible of a drive that answers.
-    fn probe_any(&self, now: MonoTime) -> Picked {
         let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
-        self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index))
+        Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
     }
 
     /// A read for its own sake, if possible one whose reply cannot be mistaken for a late one. Any drive shows whether

@@ -30,7 +30,7 @@ impl LineCore {
         self.roll_call_mut().into_iter().for_each(|call| call.asked(end));
     }
 
-    /// Takes the answer of a listener, if `frame` is one. Returns whether it is.
+    /// Takes the answer of a listener, if the request `frame` of another master is one. Returns whether it is.
     pub(super) fn hears_listener(&mut self, now: MonoTime, frame: &[u8]) -> bool {
         let is_answer = self.signal_in(frame).is_some_and(|(it, is_own)| it.kind == SignalKind::Listening && !is_own);
         if is_answer {
@@ -51,22 +51,22 @@ impl LineCore {
     }
 
     fn roll_call(&self) -> Option<&RollCall> {
-        self.share.as_ref().filter(|_| self.may_call())?.roll_call.as_ref()
+        self.share.as_ref().filter(|_| self.may_signal())?.roll_call.as_ref()
     }
 
     fn roll_call_mut(&mut self) -> Option<&mut RollCall> {
-        let may_call = self.may_call();
-        self.share.as_mut().filter(|_| may_call)?.roll_call.as_mut()
+        let may_signal = self.may_signal();
+        self.share.as_mut().filter(|_| may_signal)?.roll_call.as_mut()
     }
 
     /// Whether a signal would be heard.
-    const fn may_call(&self) -> bool {
+    pub(super) const fn may_signal(&self) -> bool {
         !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo))
     }
 
     /// Answers a question of the active gateway, if one was heard just before `now`. Returns whether it does.
     pub(super) fn answer_question(&mut self, now: MonoTime) -> bool {
-        let listens = self.listens() && self.may_call();
+        let listens = self.listens() && self.may_signal();
         let Some(share) = self.share.as_mut().filter(|share| share.answer.is_some()) else { return false };
         if !listens || share.answer.is_some_and(|answer| answer.is_over(now)) {
             share.answer = None;

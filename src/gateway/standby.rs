@@ -95,7 +95,7 @@ impl LineCore {
     pub(super) fn on_yield(&mut self, now: MonoTime) {
         if let Some(share) = self.share.as_mut().filter(|share| share.rule.role() == LineRole::Active) {
             share.yields_until = Some(now + YIELD_WAIT);
-            share.roll_call.iter_mut().for_each(|call| call.ask_anew(now));
+            share.roll_call.iter_mut().for_each(|call| call.ask_again(now));
         }
     }
 
@@ -147,7 +147,7 @@ impl LineCore {
     pub(super) fn send_signal(&mut self, now: MonoTime, kind: SignalKind) {
         let Some(share) = &mut self.share else { return };
         let mut frame = Vec::with_capacity(16);
-        self.wire.announce(now, signal::STATION, &share.signal(kind), &mut frame);
+        self.wire.broadcast(now, signal::STATION.0, &share.signal(kind), Duration::ZERO, &mut frame);
         self.counters.requests += 1;
         self.transmit(now, frame, Why::Probe);
     }
@@ -219,8 +219,7 @@ impl LineCore {
 
     /// When a signal is sent for its own sake, so that the other gateways of the line hear this one.
     pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
-        let may_be_sent = !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo));
-        self.share.as_ref().filter(|_| may_be_sent)?.rule.signal_at()
+        self.share.as_ref().filter(|_| self.may_signal())?.rule.signal_at()
     }
 
     /// Whether `copy` of our own frame comes from another gateway: they ask the same drives the same questions, and the

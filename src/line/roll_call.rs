@@ -37,7 +37,7 @@ impl RollCall {
     }
 
     /// It has to be known at once: what is known at `now` may be out of date.
-    pub const fn ask_anew(&mut self, now: MonoTime) {
+    pub const fn ask_again(&mut self, now: MonoTime) {
         self.ask_at = now;
         self.misses = 0;
         self.listener = None;
@@ -151,7 +151,7 @@ mod tests {
             assert_eq!(call.ask_at(), Some(now + wait), "{misses}");
             now = now + wait;
         }
-        call.ask_anew(now);
+        call.ask_again(now);
         assert_eq!((call.listener(), call.ask_at()), (None, Some(now)));
     }
 

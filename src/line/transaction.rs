@@ -183,8 +183,8 @@ impl Wire {
             Some(Open { exchange, expected, transaction, sent_until, reply_due, give_up, exception, was_damaged });
     }
 
-    /// Hands a frame for the broadcast address `station` to the port at `now`: puts it into the empty `out`. No reply
-    /// follows; the drives are left alone for `turnaround`. As for [`Wire::send`], the caller has waited.
+    /// Hands a frame for `station`, from which no reply follows, to the port at `now`: puts it into the empty `out`. The
+    /// drives are left alone for `turnaround`. As for [`Wire::send`], the caller has waited.
     pub fn broadcast(
         &mut self,
         now: MonoTime,
@@ -198,16 +198,6 @@ impl Wire {
         self.quiet_from = now + self.timing.on_wire(out.len());
         self.held_until = self.quiet_from + turnaround;
         self.occupancy.sent(now, self.pause_at(), self.held_until);
-        self.own_echo.await_copy_of(out, true, now);
-    }
-
-    /// Hands a `request` that no drive answers to the port at `now`: puts its frame into the empty `out`. The caller has
-    /// waited until [`Wire::may_send_from`], and no exchange is open.
-    pub fn announce(&mut self, now: MonoTime, station: Station, request: &Request, out: &mut Vec<u8>) {
-        framing::encode(self.timing.framing, out, station.0, |pdu| request.encode(pdu));
-        self.flush_idle_bytes();
-        self.quiet_from = now + self.timing.on_wire(out.len());
-        self.occupancy.sent(now, self.pause_at(), self.quiet_from);
         self.own_echo.await_copy_of(out, true, now);
     }
 

@@ -1,4 +1,4 @@
-//! What a Sparkplug host that nobody here wrote sees of two gateways that are one edge node.
+//! What a foreign Sparkplug host sees of two gateways that are one edge node.
 
 use super::super::mosquitto::{Mosquitto, free_port};
 use super::super::plant::get;

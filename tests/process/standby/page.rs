@@ -56,7 +56,7 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     let (mut pair, [at_a, at_b]) = pair(&broker);
     let bob = browser_at(at_a);
     bob.wait_for_text(STATE, "active");
-    assert!(!bob.is_seen(BUTTON), "nobody is signed in");
+    assert!(!bob.is_seen(BUTTON), "no user is signed in");
     bob.click("[aria-controls='sign-in']");
     bob.fill("#sign-in [name='user']", "bob");
     bob.fill("#sign-in [name='password']", PASSWORD);
