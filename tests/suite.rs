@@ -113,6 +113,8 @@ mod ownership;
 mod pairs;
 #[path = "scenarios/pauses.rs"]
 mod pauses;
+#[path = "scenarios/plausible.rs"]
+mod plausible;
 #[path = "scenarios/polls.rs"]
 mod polls;
 #[path = "scenarios/port_comes_and_goes.rs"]
@@ -139,6 +141,8 @@ mod sharing;
 mod sheets;
 #[path = "scenarios/signed_setpoints.rs"]
 mod signed_setpoints;
+#[path = "scenarios/signs.rs"]
+mod signs;
 #[path = "scenarios/standby.rs"]
 mod standby;
 #[path = "scenarios/standby_trouble.rs"]

@@ -7,6 +7,7 @@ use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence
 use crate::domain::problem::Problem;
 use crate::profile::model::Model;
 use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::vendors;
 
 /// What is accepted for one drive, and how what is not is told.
 #[derive(Clone, Copy)]
@@ -90,6 +91,17 @@ pub(super) fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
         let problem = qualify.location.problem("has no effect: without a data directory no result can be kept");
         problems.push(problem.right("`data_dir` in `[gateway]`").warning());
     }
+}
+
+/// Whether `qualify` tries `action` at drives of `model`: what is unproven, and all that a model states which is not built in. Its
+/// grades are those that its writer gave, and a word that was typed wrong is as proven there as a right one.
+#[must_use]
+pub fn is_tried(model: &Model, action: ControlAction) -> bool {
+    let has = || match action {
+        ControlAction::Basic => model.run.is_some(),
+        action => model.run.as_ref().is_some_and(|run| run.action(action).is_some()),
+    };
+    is_unproven(model, action) || (has() && vendors::catalog().ids().all(|id| id != model.id))
 }
 
 /// Whether `action` needs to be accepted on drives of `model`.

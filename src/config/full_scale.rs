@@ -7,11 +7,12 @@ use crate::profile::model::Model;
 use crate::toml_file::OptionalKey;
 use std::sync::Arc;
 
-/// `model` with the full scale that `drive` states; `None` if the model needs one and there is none, see `problems`.
+/// `model` with the full scale that `drive` states. If it needs one and there is none, that is in `problems`, and the model is
+/// good for finding the others.
 pub(super) fn settle(drive: &DriveFile, model: Option<Arc<Model>>, problems: &mut Vec<Problem>) -> Option<Arc<Model>> {
     let model = model?;
     match &drive.full_scale {
-        OptionalKey::Invalid => None,
+        OptionalKey::Invalid => Some(model),
         OptionalKey::Valid(written) if model.needs_full_scale() => {
             Some(Arc::new(model.with_full_scale(Hertz::from_millihertz(written.value))))
         }
@@ -23,9 +24,10 @@ pub(super) fn settle(drive: &DriveFile, model: Option<Arc<Model>>, problems: &mu
         }
         OptionalKey::Absent if model.needs_full_scale() => {
             let problem = drive.location.missing("full_scale_hz").problem("`full_scale_hz` is missing");
-            let right = "the frequency that stands for 100 % at the drive: its setpoints are fractions of it";
+            let parameter = model.full_scale_parameter().map(|it| format!(", {it}")).unwrap_or_default();
+            let right = format!("the frequency that stands for 100 % at the drive{parameter}");
             problems.push(problem.right(right));
-            None
+            Some(model)
         }
         OptionalKey::Absent => Some(model),
     }

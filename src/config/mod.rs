@@ -47,7 +47,7 @@ mod watchdog;
 pub mod words;
 pub mod written;
 
-pub use acceptance::is_unproven;
+pub use acceptance::{is_tried, is_unproven};
 pub use control::why_not as why_not_controlled;
 pub use http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 pub use native::{Listed, listed};

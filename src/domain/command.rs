@@ -283,7 +283,8 @@ pub struct Report {
     pub reason: Reason,
     /// The word that the drive holds instead of the commanded one, if it reported that.
     pub held: Option<u16>,
-    /// The register that holds `held`, if it is not the one that was written.
+    /// The register that holds `held`, if it is not the one that was written; or the one on which the order rests, if the
+    /// drive refused to show it.
     pub register: Option<Address>,
     /// The drive's own exception code.
     pub exception: Option<u8>,
@@ -309,6 +310,12 @@ impl Report {
             }
             None => match (self.register, self.held) {
                 (Some(register), Some(held)) => format!("{}: register {register} holds {held}", self.reason.text()),
+                (Some(register), None) => {
+                    format!(
+                        "{}: the order rests on register {register}, which the drive did not show",
+                        self.reason.text()
+                    )
+                }
                 _ => self.reason.text().to_owned(),
             },
         }

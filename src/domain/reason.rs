@@ -167,6 +167,8 @@ reasons! {
     NotCommitted = 65, "not_committed", "the parameters were written, but the drive did not take the word after which they act or outlast its power";
     /// Another gateway of the line is active.
     Standby = 66, "standby", "this gateway is on standby: another one is active on the line";
+    /// The drive has not shown what every drive of its model shows.
+    Implausible = 67, "implausible", "the drive does not show what every drive of its model shows: the addresses may be off by one, or it is another drive";
 }
 
 impl Reason {

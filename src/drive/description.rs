@@ -68,6 +68,9 @@ impl Freshness {
     /// The same for a value that was read at `read_at`.
     #[must_use]
     pub fn ends_at_of(&self, read_at: MonoTime, snapshot: &DriveSnapshot) -> Option<MonoTime> {
+        if snapshot.is_implausible {
+            return None;
+        }
         let mut ends_at = read_at + self.own;
         for (address, stale_after) in &self.bases {
             ends_at = ends_at.min(snapshot.reading(*address)?.at + *stale_after);
@@ -117,9 +120,12 @@ impl DriveDescription {
     }
 
     /// When the value of `register` grows stale: when its own words do, or those of a register on which it depends.
-    /// `None` if it has no value or is not polled.
+    /// `None` if it has no value, is not polled, or is of a drive that may be another one.
     #[must_use]
     pub fn stale_at(&self, register: &Register, snapshot: &DriveSnapshot) -> Option<MonoTime> {
+        if snapshot.is_implausible {
+            return None;
+        }
         let mut ends_at = snapshot.read_at(register)? + self.stale_after(register)?;
         for address in register.form.bases() {
             ends_at = ends_at.min(snapshot.reading(address)?.at + self.basis_stale_after(address)?);

@@ -6,6 +6,7 @@ pub mod decode;
 pub mod description;
 pub mod output;
 pub mod plan;
+pub mod plausible;
 pub mod rated;
 pub mod required;
 pub mod run_state;

@@ -3,7 +3,7 @@
 use super::bases::Bases;
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Model, Register, Role};
+use crate::profile::model::{FactPart, Model, Register, Role};
 
 /// Steps per hertz in which an output of two words is watched.
 const PAIR_SCALE: u32 = 100;
@@ -38,11 +38,13 @@ impl OutputRegister {
         Some(u16::try_from(steps).unwrap_or(u16::MAX))
     }
 
-    /// Whether they show reverse, if the sign does so and the motor turns.
+    /// Whether they show reverse, if the sign does so and the motor turns. Where the documents state no sign, a number
+    /// above 0 may be a magnitude and shows no direction.
     #[must_use]
     pub fn is_reverse(&self, first: Address, words: &[u16]) -> Option<Option<bool>> {
         let number = self.number(first, words)?;
-        let is_shown = self.register.form.sign_is_direction && number != 0;
+        let is_stated = !self.register.not_stated.contains(&FactPart::Sign);
+        let is_shown = self.register.form.sign_is_direction && (number < 0 || (number > 0 && is_stated));
         Some(is_shown.then_some(number < 0))
     }
 

@@ -42,6 +42,8 @@ pub struct ValueReading {
 pub struct DriveSnapshot {
     /// Whether it answers.
     pub presence: Presence,
+    /// It has not shown yet what every drive of its model shows, so that no reading counts.
+    pub is_implausible: bool,
     /// In the order of their keys: they are looked up for every word that a client reads, and copied for every view.
     readings: Vec<(u32, Reading)>,
 }
@@ -52,6 +54,12 @@ const fn key(address: Address) -> u32 {
 }
 
 impl DriveSnapshot {
+    /// Nothing was read of the drive yet; `is_implausible`: its model asks for something first.
+    #[must_use]
+    pub fn unread(is_implausible: bool) -> Self {
+        Self { is_implausible, ..Self::default() }
+    }
+
     /// The last reading of the register at `address`; `None` if it has not been read.
     #[must_use]
     pub fn reading(&self, address: impl Into<Address>) -> Option<Reading> {

@@ -60,6 +60,7 @@ impl LineCore {
             listens: self.listens(),
             other_is_alive: self.hears_other(now),
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
+            is_implausible: drive.snapshot.is_implausible,
             ..drive.work.facts(self.takes_requests(), self.is_offline(command.drive), now)
         };
         self.drives[command.drive].work.command(now, command, waiter, facts, &mut self.effects);

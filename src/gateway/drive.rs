@@ -10,6 +10,7 @@ use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
+use crate::drive::plausible::Plausibility;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
 use crate::drive::view::{DriveView, OrdersView};
 use crate::journal::Entry;
@@ -35,6 +36,7 @@ pub(super) struct DriveOnLine {
     pub(super) barriers: Barriers,
     pub(super) plan: PollPlan,
     pub(super) snapshot: DriveSnapshot,
+    pub(super) plausibility: Plausibility,
     /// Its control: stops, commands, trips, the guard.
     pub(super) work: DriveWork,
     pub(super) measured: DriveMeasured,
@@ -50,13 +52,15 @@ impl DriveOnLine {
         let place = usize::from(index);
         let pace = Pace::new(setup.poll, budget.stretch);
         let is_identified = line.timing.framing.identifies_replies();
+        let plausibility = Plausibility::of(&setup.model);
         let work = DriveWork::new(DriveIndex(index), &setup.model, setup.control.clone(), line.first_epoch, now);
         Self {
             index: DriveIndex(index),
             station: StationState::new(&setup.model).identified(is_identified),
             barriers: if is_identified { Barriers::none() } else { Barriers::new(&setup.model) },
             plan: PollPlan::new(&setup.model, pace, now, PlaceOnLine { index: u32::from(index), drives }),
-            snapshot: DriveSnapshot::default(),
+            snapshot: DriveSnapshot::unread(!plausibility.holds()),
+            plausibility,
             work: work.watched(line.watchdog_range(place)).polled(pace),
             measured: DriveMeasured::planned(budget.fast_age(place)),
             orders_taken: 0,
@@ -277,6 +281,8 @@ impl DriveOnLine {
         if presence == Presence::Offline {
             self.work.out_of_sight(effects);
             self.snapshot.forget(bases);
+            self.plausibility.forget();
+            self.snapshot.is_implausible = !self.plausibility.holds();
         } else {
             self.plan.drive_is_back(now);
             bases.for_each(|address| self.plan.ask_for(address, now));

@@ -260,7 +260,7 @@ impl Execution {
         }
         let reason = if self.commits() { Reason::NotCommitted } else { reason_of(kind) };
         let failed = Report::new(Outcome::Failed, reason);
-        Next::Ends(Report { exception: Some(code), ..failed })
+        Next::Ends(Report { exception: Some(code), register: self.required_register(), ..failed })
     }
 
     /// The drive did not answer, or its reply was damaged. A write is not repeated: if the model can show its effect,

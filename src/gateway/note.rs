@@ -1,5 +1,6 @@
 //! Log messages: alarms and other events that no answer carries.
 
+use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::control::FailSafe;
 use crate::domain::report::LineFault;
@@ -60,6 +61,16 @@ pub enum Note {
     /// The drive's own setpoint is outside the limits.
     #[error("ALARM: the drive's setpoint is outside the limits of its control section")]
     SetpointOutside,
+    /// The drive does not show what every drive of its model shows.
+    #[error(
+        "ALARM: register {register} holds {held}, which no drive of its model shows: no reading of it is shown as good, and it takes no orders. Are the addresses of the model its own, and is it this drive?"
+    )]
+    Implausible {
+        /// The register.
+        register: Address,
+        /// Its word.
+        held: u16,
+    },
     /// Too many exchanges with the drive fail.
     #[error("too many exchanges with the drive fail: only stops and lower frequencies are accepted")]
     Suspended,

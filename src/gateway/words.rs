@@ -1,10 +1,13 @@
 //! Words that a drive has sent: what they change in its picture, its plan and its own work.
 
 use super::drive::DriveOnLine;
+use super::event::Effect;
+use super::note::Note;
 use super::outbox::Outbox;
 use super::work::Reading;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
+use crate::drive::plausible::Verdict;
 use crate::profile::model::{Model, PollClass};
 
 impl DriveOnLine {
@@ -29,6 +32,9 @@ impl DriveOnLine {
                 self.snapshot.take(place, &[*word], read_at);
             }
         }
+        if !self.is_believed(now, read, effects) {
+            return;
+        }
         let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
         self.work.take_words(address, words, reading, now, effects);
         if reading.is_its_own {
@@ -37,6 +43,24 @@ impl DriveOnLine {
         if let Some(changed) = self.work.take_changed_basis() {
             self.plan.ask_for(changed, now);
         }
+    }
+
+    /// Whether the drive has shown that it is one of its model. As long as it has not, nothing follows from its words; then all
+    /// of them are read again.
+    fn is_believed(&mut self, now: MonoTime, (address, words): (Address, &[u16]), effects: &mut Outbox) -> bool {
+        match self.plausibility.take(address, words) {
+            Some(Verdict::Holds) => self.plan.drive_is_back(now),
+            Some(Verdict::Fails(register, held)) => {
+                effects.push_back(Effect::Note(self.index, Note::Implausible { register, held }));
+            }
+            None => {}
+        }
+        let holds = self.plausibility.holds();
+        if self.snapshot.is_implausible == holds {
+            self.work.mark_changed();
+        }
+        self.snapshot.is_implausible = !holds;
+        holds
     }
 
     /// Words that a client's read brought. Each poll group that lies in it was read in one frame, as a poll reads it, and

@@ -17,6 +17,8 @@ impl DriveGuard {
             Reason::LineDown
         } else if facts.is_offline {
             Reason::Offline
+        } else if facts.is_implausible {
+            Reason::Implausible
         } else {
             let other = other.filter(|_| control.ownership == Ownership::One);
             return other.map_or(Ok(()), |other| Err(Report::held_by(other)));

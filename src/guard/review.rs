@@ -29,6 +29,8 @@ pub struct Facts {
     pub line_is_bad: bool,
     /// The drive has stopped answering.
     pub is_offline: bool,
+    /// It has not shown yet what every drive of its model shows.
+    pub is_implausible: bool,
     /// A stop is not effective yet.
     pub stop_pending: bool,
     /// Whether the drive is tripped, if that is known.

@@ -24,6 +24,7 @@ pub(super) const RESTING: Facts = Facts {
     other_is_alive: false,
     line_is_bad: false,
     is_offline: false,
+    is_implausible: false,
     stop_pending: false,
     tripped: Some(false),
     at_standstill: true,
@@ -319,6 +320,7 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
             (Facts { at_standstill: false, ..RESTING }, Reason::Moving),
             (Facts { stop_pending: true, ..RESTING }, Reason::StopPending),
             (Facts { is_offline: true, ..RESTING }, Reason::Offline),
+            (Facts { is_implausible: true, ..RESTING }, Reason::Implausible),
             (Facts { line_is_up: false, ..RESTING }, Reason::LineDown),
         ] {
             let told = judged(&mut guard_of(able.clone(), settings.clone()), order.clone(), facts).map(drop);

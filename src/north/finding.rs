@@ -97,6 +97,7 @@ signs! {
     Tripped "tripped" Trip "the drive is tripped"
     Offline "offline" Problem "the drive does not answer"
     Warns "warns" Hint "the drive shows a warning, and goes on"
+    Implausible "implausible" Problem "the drive does not show what every drive of its model shows: nothing read from it counts"
     BusRefused "bus_refused" Problem "a parameter of the drive keeps it from obeying the bus"
     LocalControl "local_control" Problem "the drive obeys its panel or terminals"
     NotEffective "not_effective" Problem "a stop shows no effect"

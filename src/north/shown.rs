@@ -85,6 +85,9 @@ fn said_alone(report: &Report) -> Sentence {
             let holds = Sentence::new("reason.register_holds").with("reason", reason);
             holds.with("register", register.to_string()).with("held", held.to_string())
         }
+        (Some(register), None) => {
+            Sentence::new("reason.register_unseen").with("reason", reason).with("register", register.to_string())
+        }
         _ => reason,
     }
 }

@@ -13,7 +13,7 @@ pub struct Scaled {
 impl Scaled {
     /// `raw / scale`.
     #[must_use]
-    pub(super) const fn new(raw: i64, scale: u32) -> Self {
+    pub(crate) const fn new(raw: i64, scale: u32) -> Self {
         Self { raw, scale }
     }
 

@@ -26,7 +26,7 @@ fn text(output: &Output) -> String {
 }
 
 /// The invented drive of `deploy/adding-a-drive.md`.
-const ANSWERS: [&str; 22] = [
+const ANSWERS: [&str; 23] = [
     "Acme",
     "Flux 2",
     "Acme Flux 2 user manual",
@@ -36,19 +36,20 @@ const ANSWERS: [&str; 22] = [
     "0x2101 9.6",
     "100",
     "2100H 9.6",
-    "0x0001",
-    "8",
+    "0x0001 9.6",
+    "8 9.6",
     "8450 9.6",
     "0x2000 9.5",
-    "0",
-    "1",
-    "3",
+    "0 9.5 word 0",
+    "1 9.5 word 1",
+    "3 9.5 word 3",
     "0x2001 9.5",
     "100",
     "P0-02",
     "run commands: 2, communication",
     "",
     "",
+    "y",
 ];
 
 #[test]
@@ -65,6 +66,31 @@ fn answers_make_a_model_that_runs_a_simulated_drive() {
     let again = answered(&["acme-flux-2", "--out", out], &[]);
     assert_says(&again, 2, &["already exists and is not overwritten"]);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), written);
+}
+
+/// The register is in the manual, and the page with its words was not found.
+#[test]
+fn a_word_without_a_place_of_its_own_is_unproven_and_is_shown_so_before_the_file_is_written() {
+    let place = Place::new();
+    let file = place.file("flux.toml");
+    let out = file.to_str().unwrap();
+    let mut answers = ANSWERS;
+    (answers[13], answers[14]) = ("4", "5");
+    let said = text(&answered(&["acme-flux-2", "--out", out], &answers));
+    let before = said.find("is written").expect("it is written");
+    for row in
+        ["stop                         0x0004   third-party", "forward                      0x0005   third-party"]
+    {
+        assert!(said.find(row).is_some_and(|at| at < before), "no {row}:\n{said}");
+    }
+    assert!(said.contains("takes orders only with accept_unverified"), "{said}");
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert!(written.contains("value = 0x0004, confidence = \"third-party\""), "{written}");
+    assert!(written.contains("value = 0x0003, confidence = \"manual\", source = \"UM 9.5 word 3\""), "{written}");
+    answers[22] = "n";
+    let other = place.file("other.toml");
+    assert_says(&answered(&["acme-flux-2", "--out", other.to_str().unwrap()], &answers), 2, &["nothing was written"]);
+    assert!(!other.exists());
 }
 
 #[test]
@@ -98,7 +124,7 @@ fn a_drive_that_is_read_meanwhile_shows_its_scale() {
     let args = [&["acme-seven", "--out", file.to_str().unwrap()][..], &on_port].concat();
     let general = ["", "", "", "", "", ""]; // maker, series, no manual, line, words, function 06
     let set_frequency = ["0x2001", "25", ""]; // taken for the output frequency here; the scale that was found is accepted
-    let nothing_else = ["", "", ""];
+    let nothing_else = ["", "", "", "y"];
     let said = text(&answered(&args, &[&general[..], &set_frequency, &nothing_else].concat()));
     for word in ["the drive has 2500 (0x09C4) there", "[100]", "it takes no orders"] {
         assert!(said.contains(word), "no {word}:\n{said}");

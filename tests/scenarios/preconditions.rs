@@ -116,6 +116,23 @@ fn another_drive_is_read_only_and_is_found_out_before_the_first_order() {
     assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed, "it can be stopped all the same");
 }
 
+/// The drive is a relative that lacks the register, or firmware that came before it.
+#[test]
+fn an_identity_that_the_drive_does_not_show_is_named() {
+    let elsewhere: u16 = 0x0BFF;
+    let mut really = Model::clone(&identified());
+    let model = model_with("frecon-fr500a", |model| {
+        model.identity = really.identity.take().map(|it| Identity { address: elsewhere.into(), ..it });
+    });
+    let mut rig = rig_of(&model, accepting());
+    rig.sent.clear();
+    assert_eq!(rig.commanded(MQTT, setpoint(3000)), (Outcome::Failed, Reason::DriveException));
+    assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
+    let last = rig.view(0).control.unwrap().last.unwrap();
+    assert_eq!(last.register, Some(elsewhere.into()));
+    assert!(last.message().contains("rests on register 0x0BFF"), "{}", last.message());
+}
+
 #[test]
 fn a_drive_is_identified_once_until_it_has_been_away() {
     let mut rig = rig_of(&identified(), accepting());

@@ -103,7 +103,7 @@ fn registers_are_where_the_documents_have_them() {
             (role.is_none() || register.role == role || (register.role.is_none() && !is_needed))
                 && row.number("scale").is_none_or(|scale| scale == steps || !is_plain)
                 && row.maybe("unit").is_none_or(|unit| unit == register.unit.symbol())
-                && row.switch("signed").is_none_or(|signed| signed == register.signed)
+                && row.signs().first().is_none_or(|signed| *signed == register.signed)
         };
         let told = |it: &Register| (it.name.clone(), it.role, it.scale, it.form.per, it.unit.symbol(), it.signed);
         assert!(here().any(|register| is_right(&register)), "the model has {:?}", here().map(told).collect::<Vec<_>>());

@@ -85,6 +85,17 @@ impl<'s> Row<'s> {
         self.0.get(key).map(|it| it.as_bool().expect("true or false"))
     }
 
+    /// How a number with a sign is encoded: in two's complement or without a sign, both for `signed = "not stated"`; nothing if
+    /// the row does not say.
+    pub fn signs(self) -> Vec<bool> {
+        match self.0.get("signed") {
+            None => Vec::new(),
+            Some(Value::Boolean(signed)) => vec![*signed],
+            Some(Value::String(text)) if text == "not stated" => vec![true, false],
+            Some(other) => panic!("{other} is no sign"),
+        }
+    }
+
     /// A list of texts; empty if there is none.
     pub fn list(self, key: &str) -> Vec<&'s str> {
         let all = self.0.get(key).map(|it| it.as_array().expect("a list"));

@@ -219,10 +219,15 @@ fn names<R: BufRead>(questions: &mut Questions<R>, args: &Args, stations: &[u8])
 
 /// The frequency that stands for 100 %, asked once for each model that needs it.
 fn full_scale<R: BufRead>(questions: &mut Questions<R>, args: &Args, drives: &mut [NewDrive]) -> Result<(), Failure> {
-    let needing: BTreeSet<String> =
-        drives.iter().filter(|drive| drive.model.needs_full_scale()).map(|drive| drive.model.id.clone()).collect();
-    for id in needing {
-        let question = format!("Frequency that stands for 100 % at the {id}, in Hz");
+    let needing = drives.iter().map(|drive| &drive.model).filter(|model| model.needs_full_scale());
+    let needing: BTreeSet<_> = needing
+        .map(|model| {
+            let parameter = model.full_scale_parameter().map(|it| format!(" ({it})")).unwrap_or_default();
+            (model.id.clone(), parameter)
+        })
+        .collect();
+    for (id, parameter) in needing {
+        let question = format!("Frequency that stands for 100 % at the {id}{parameter}, in Hz");
         let hz =
             questions.given_or_asked(args.full_scale_hz.as_deref(), "--full-scale-hz", &question, None, |text| {
                 let hz = text.parse::<f64>().ok().filter(|hz| (1.0..=1000.0).contains(hz));

@@ -19,12 +19,23 @@ pub enum Evidence {
 impl Evidence {
     /// The keys `confidence` and `source`.
     pub fn keys(&self) -> String {
+        format!("confidence = \"{}\"\nsource = {}\n", self.grade(), json!(self.source()))
+    }
+
+    /// Its grade, as model files write it.
+    pub const fn grade(&self) -> &'static str {
         match self {
-            Self::Manual(place) => format!("confidence = \"manual\"\nsource = {}\n", json!(format!("UM {place}"))),
-            Self::Person(words) => format!("confidence = \"third-party\"\nsource = {}\n", json!(format!("SN {words}"))),
-            Self::Template(place) => {
-                format!("confidence = \"third-party\"\nsource = {}\n", json!(format!("TP {place}")))
-            }
+            Self::Manual(_) => "manual",
+            Self::Person(_) | Self::Template(_) => "third-party",
+        }
+    }
+
+    /// The document, and the place in it.
+    pub fn source(&self) -> String {
+        match self {
+            Self::Manual(place) => format!("UM {place}"),
+            Self::Person(words) => format!("SN {words}"),
+            Self::Template(place) => format!("TP {place}"),
         }
     }
 
@@ -83,17 +94,32 @@ pub struct FlagFacts {
     pub evidence: Evidence,
 }
 
+/// A word of the run command. It comes from a place of its own: that the manual names the register says nothing of its words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WordFacts {
+    /// The word.
+    pub value: u16,
+    /// Where it comes from.
+    pub evidence: Evidence,
+}
+
 /// The words of the run command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFacts {
     /// Stops the motor by its ramp.
-    pub stop: u16,
+    pub stop: WordFacts,
     /// Runs it forward.
-    pub forward: u16,
+    pub forward: WordFacts,
     /// Runs it in reverse.
-    pub reverse: Option<u16>,
-    /// Where they come from.
-    pub evidence: Evidence,
+    pub reverse: Option<WordFacts>,
+}
+
+impl RunFacts {
+    /// The words by the names of their orders.
+    pub fn words(&self) -> impl Iterator<Item = (&'static str, &WordFacts)> {
+        let reverse = self.reverse.iter().map(|word| ("reverse", word));
+        [("stop", &self.stop), ("forward", &self.forward)].into_iter().chain(reverse)
+    }
 }
 
 /// A setting under which the drive obeys the line.
@@ -232,15 +258,9 @@ impl Facts {
 
     fn orders(&self, text: &mut String) {
         if let Some(run) = &self.run {
-            let of = run.evidence.inline();
             text.push_str("\n[run]\nform = \"values\"\n");
-            let mut add = |name: &str, value: u16| {
-                let _ = writeln!(text, "{name} = {{ value = 0x{value:04X}, {of} }}");
-            };
-            add("stop", run.stop);
-            add("forward", run.forward);
-            if let Some(reverse) = run.reverse {
-                add("reverse", reverse);
+            for (name, WordFacts { value, evidence }) in run.words() {
+                let _ = writeln!(text, "{name} = {{ value = 0x{value:04X}, {} }}", evidence.inline());
             }
         }
         for FlagFacts { flag, mask, evidence } in &self.flags {

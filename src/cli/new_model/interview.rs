@@ -1,6 +1,6 @@
 //! What is asked, and in which order. With a drive on a port, registers are read while they are named.
 
-use super::facts::{Documents, Evidence, Facts, FlagFacts, RegisterFacts, RunFacts, SetupFacts};
+use super::facts::{Documents, Evidence, Facts, FlagFacts, RegisterFacts, RunFacts, SetupFacts, WordFacts};
 use super::live::Live;
 use super::skeleton::capitalised;
 use crate::cli::questions::{Questions, address_and_place, link, word};
@@ -16,6 +16,8 @@ pub struct Interview<'i, R> {
     pub questions: Questions<R>,
     /// The drive on the port.
     pub live: Option<&'i mut Live>,
+    /// Whether a manual was named, so that a place is one in it.
+    pub has_manual: bool,
 }
 
 impl<R: BufRead> Interview<'_, R> {
@@ -27,6 +29,7 @@ impl<R: BufRead> Interview<'_, R> {
         let title = self.questions.text("Series", &series.to_uppercase())?;
         let manual = self.questions.ask("Title of the manual that you read from (Enter: none)")?;
         let manual = (!manual.is_empty()).then_some(manual);
+        self.has_manual = manual.is_some();
         let documents = Documents { manual, answered_on: Some(date.to_owned()), template: None };
         let person = Evidence::Person("not in the manual".to_owned());
         let settings = "Factory setting of the line, such as 9600 8N1 (Enter: not known)";
@@ -74,8 +77,8 @@ impl<R: BufRead> Interview<'_, R> {
         }
         if let Some((address, evidence)) = self.register("Status word")? {
             let of = Of { name: "status", title: "Status", role: None };
-            facts.registers.push(of.read(address, 1, "-", "fast", evidence.clone()));
-            self.flags(address, &evidence, facts)?;
+            facts.registers.push(of.read(address, 1, "-", "fast", evidence));
+            self.flags(address, facts)?;
         }
         if let Some((address, evidence)) = self.register("Number of the trip that holds, 0 for none")? {
             let of = Of { name: "trip_code", title: "Trip that holds, 0 for none", role: Some("trip-code") };
@@ -85,27 +88,24 @@ impl<R: BufRead> Interview<'_, R> {
     }
 
     /// Bits of the status word. With a drive, `running` is what differs between standstill and running.
-    fn flags(&mut self, address: u16, evidence: &Evidence, facts: &mut Facts) -> Result<(), Failure> {
+    fn flags(&mut self, address: u16, facts: &mut Facts) -> Result<(), Failure> {
         let seen = self.running_bits(address)?;
         let shown = seen.map(|bits| format!(" [0x{bits:04X}]")).unwrap_or_default();
-        for (flag, question, default) in [
-            (
-                "running",
-                format!("Bits of it that are 1 while the motor runs, such as 0x0001 (Enter: not known){shown}"),
-                seen,
-            ),
-            ("tripped", "Bits of it that are 1 while a trip holds (Enter: not known)".to_owned(), None),
-        ] {
-            let mask = self.questions.ask_until(&question, |answer| match answer {
-                "" => Ok(default),
-                text => word(text)
-                    .and_then(|mask| if mask == 0 { Err("no bit is set in 0".to_owned()) } else { Ok(Some(mask)) }),
+        for (flag, when, seen, shown) in
+            [("running", "the motor runs", seen, shown.as_str()), ("tripped", "a trip holds", None, "")]
+        {
+            let question =
+                format!("Bits of it that are 1 while {when}, and place, such as `0x0001 9.6` (Enter: none){shown}");
+            let given = self.questions.ask_until(&question, |answer| match address_and_place(answer)? {
+                Some((0, _)) => Err("no bit is set in 0".to_owned()),
+                given => Ok(given),
             })?;
-            let evidence = match default {
-                Some(bits) if mask == Some(bits) => Evidence::Person("seen at the drive".to_owned()),
-                _ => evidence.clone(),
+            let found = match (given, seen) {
+                (Some((mask, place)), _) => Some((mask, self.by_place(place, "bits"))),
+                (None, Some(bits)) => Some((bits, Evidence::Person("seen at the drive".to_owned()))),
+                (None, None) => None,
             };
-            facts.flags.extend(mask.map(|mask| FlagFacts { flag, mask, evidence }));
+            facts.flags.extend(found.map(|(mask, evidence)| FlagFacts { flag, mask, evidence }));
         }
         Ok(())
     }
@@ -136,15 +136,14 @@ impl<R: BufRead> Interview<'_, R> {
             return Ok(());
         };
         let of = Of { name: "run_command", title: "Run command", role: Some("run-command") };
-        facts.registers.push(of.written(address, 1, "-", "write", evidence.clone()));
-        let stop = self.questions.ask_until("  word that stops the motor by its ramp", word)?;
-        let forward = self.questions.ask_until("  word that runs it forward", word)?;
-        let reverse =
-            self.questions.ask_until("  word that runs it in reverse (Enter: none)", |answer| match answer {
-                "" => Ok(None),
-                text => word(text).map(Some),
-            })?;
-        facts.run = Some(RunFacts { stop, forward, reverse, evidence });
+        facts.registers.push(of.written(address, 1, "-", "write", evidence));
+        print(
+            "Each word has a place of its own: the page that names the register need not be the one with its words.\n",
+        )?;
+        let stop = self.needed_word("  word that stops the motor by its ramp, and place, such as `0 9.5`")?;
+        let forward = self.needed_word("  word that runs it forward, and place")?;
+        let reverse = self.order_word("  word that runs it in reverse, and place (Enter: none)", Ok)?;
+        facts.run = Some(RunFacts { stop, forward, reverse });
         let setpoint = self.questions.ask_until("Frequency command: address, and place in the manual", |answer| {
             address_and_place(answer)?.ok_or_else(|| "a drive that runs needs it".to_owned())
         })?;
@@ -153,6 +152,30 @@ impl<R: BufRead> Interview<'_, R> {
         let of = Of { name: "frequency_command", title: "Frequency command", role: Some("frequency-command") };
         facts.registers.push(of.written(address, scale, "Hz", "read-write", evidence));
         self.setup(facts)
+    }
+
+    fn needed_word(&mut self, question: &str) -> Result<WordFacts, Failure> {
+        self.order_word(question, |given| given.map(Some).ok_or_else(|| "a drive that runs needs it".to_owned()))?
+            .ok_or_else(|| Failure::failed("no word was given"))
+    }
+
+    /// A word of the run command with the place that states it.
+    fn order_word(
+        &mut self,
+        question: &str,
+        is_enough: impl Fn(Option<(u16, Option<String>)>) -> Result<Option<(u16, Option<String>)>, String>,
+    ) -> Result<Option<WordFacts>, Failure> {
+        let given = self.questions.ask_until(question, |answer| is_enough(address_and_place(answer)?))?;
+        Ok(given.map(|(value, place)| WordFacts { value, evidence: self.by_place(place, "word") }))
+    }
+
+    /// The manual at `place`, or the person.
+    fn by_place(&self, place: Option<String>, what: &str) -> Evidence {
+        match place {
+            Some(place) if self.has_manual => Evidence::Manual(place),
+            Some(place) => Evidence::Person(format!("{place}; no manual was named")),
+            None => Evidence::Person(format!("{what}, not in the manual")),
+        }
     }
 
     fn setup(&mut self, facts: &mut Facts) -> Result<(), Failure> {
@@ -182,10 +205,7 @@ impl<R: BufRead> Interview<'_, R> {
 
     fn placed(&mut self, (address, place): (u16, Option<String>)) -> Result<(u16, Evidence), Failure> {
         self.read(address)?;
-        Ok((
-            address,
-            place.map_or_else(|| Evidence::Person(format!("0x{address:04X}, not in the manual")), Evidence::Manual),
-        ))
+        Ok((address, self.by_place(place, &format!("0x{address:04X}"))))
     }
 
     /// What the drive holds at `address`, which is shown; `None` without a drive or an answer.
@@ -294,7 +314,7 @@ impl Of {
 /// What is said first.
 const HEAD: &str = "\
 Addresses are those on the wire, counted from 0, in decimal or as 0x2000 or 2000H. After a space, name the place in the manual
-that states it: what has none counts for less. Nothing is written to a drive, and no file before the last answer.
+that states it: what has none is `third-party`. Nothing is written to a drive, and no file before you have seen what it says.
 ";
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod facts;
 mod interview;
 mod live;
 mod skeleton;
+mod summary;
 mod template;
 mod trial;
 
@@ -72,7 +73,7 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
     }
     let facts = match &args.template {
         Some(file) => template::facts(&args.id, file, &input::read(file)?)?,
-        None => asked(args)?,
+        None => asked(args, &out)?,
     };
     let text = facts.text();
     written(&out, &text)?;
@@ -86,11 +87,17 @@ fn written(out: &Path, text: &str) -> Result<(), Failure> {
     print(&format!("\n{} is written.\n", out.display()))
 }
 
-fn asked(args: &Args) -> Result<facts::Facts, Failure> {
+/// Asks everything, shows what the file will say, and returns it if the person agrees.
+fn asked(args: &Args, out: &Path) -> Result<facts::Facts, Failure> {
     let mut live = Live::open(&args.live)?;
     let date = calendar::day(clock::wall());
-    let mut interview = Interview { questions: Questions::new(io::stdin().lock()), live: live.as_mut() };
-    let facts = interview.facts(&args.id, &date);
+    let questions = Questions::new(io::stdin().lock());
+    let mut interview = Interview { questions, live: live.as_mut(), has_manual: false };
+    let facts = interview.facts(&args.id, &date).and_then(|facts| {
+        print(&summary::of(&facts))?;
+        let agrees = interview.questions.yes(&format!("Write this to {}", out.display()), true)?;
+        if agrees { Ok(facts) } else { Err(Failure::wrong("nothing was written")) }
+    });
     if let Some(live) = live {
         live.close();
     }

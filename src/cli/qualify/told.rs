@@ -5,12 +5,12 @@ use crate::cli::setup::{table, text};
 use serde_json::Value;
 use std::fmt::Write;
 
-/// The unproven actions in the document of a drive.
+/// The actions to try in the document of a drive.
 pub(super) fn actions(look: &Value) -> impl Iterator<Item = &Value> {
     look["actions"].as_array().into_iter().flatten()
 }
 
-/// What is unproven at a drive and what was found.
+/// What is to be tried at a drive and what was found.
 pub(super) fn list(look: &Value) -> String {
     let mut said = format!("drive {} ({} on {})\n", text(look, "drive"), text(look, "model"), text(look, "line"));
     let rows = actions(look).map(|it| {
@@ -19,7 +19,7 @@ pub(super) fn list(look: &Value) -> String {
     });
     let rows: Vec<_> = rows.collect();
     if rows.is_empty() {
-        said.push_str("  nothing is unproven\n");
+        said.push_str("  nothing is to be tried\n");
     }
     said.push_str(&table(rows.into_iter()));
     if let Some(why) = look["void"].as_str() {
@@ -41,6 +41,7 @@ fn standing(action: &Value) -> String {
         Some(result) => format!("{result} by {}, {}", text(action, "by"), text(action, "at")),
     };
     let counts = match (action["listed"] == true, action["in_force"] == true) {
+        _ if action["proven"] == true => "; proven, as the model file says",
         (true, _) => "; listed in accept_unverified",
         (false, true) => "; accepted for this drive (site)",
         (false, false) if action["result"] == "confirmed" && action["counts"] == true => "; counts after a reload",
@@ -115,6 +116,7 @@ mod tests {
         for (more, expected) in [
             (json!({}), "not tried; refused"),
             (json!({ "listed": true, "in_force": true }), "not tried; listed in accept_unverified"),
+            (json!({ "proven": true, "in_force": true }), "not tried; proven, as the model file says"),
             (
                 json!({ "result": "confirmed", "in_force": true }),
                 "confirmed by anna, t; accepted for this drive (site)",

@@ -175,9 +175,9 @@ fn drive(finding: &Finding, text: &mut String) {
         model.id
     );
     if model.needs_full_scale() {
-        text.push_str(
-            "  # full_scale_hz = # needed: the frequency that stands for 100 % at the drive; look it up there\n",
-        );
+        let place = model.full_scale_parameter().unwrap_or("look it up there");
+        let _ =
+            writeln!(text, "  # full_scale_hz = # needed: the frequency that stands for 100 % at the drive; {place}");
     }
 }
 

@@ -227,3 +227,20 @@ fn a_model_that_may_stand_in_an_unread_file_is_not_called_unknown() {
     assert_eq!(keys(load(&relative, &catalog()).unwrap_err()), ["gateway.model_dirs[0]", "line[0].drive[0].poll"]);
     assert_eq!(problems_without_some_models(MINIMAL, &catalog()), []);
 }
+
+#[test]
+fn a_missing_full_scale_names_the_drives_parameter_and_hides_no_other_problem() {
+    let catalog = vendors::catalog();
+    let scaled: Vec<_> = catalog.models().filter(|model| model.needs_full_scale()).collect();
+    assert!(scaled.len() > 8, "{}", scaled.len());
+    for model in scaled {
+        let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
+        let text = with(&text, "hyundai-n700", &model.id);
+        let found = load(&text, &catalog).unwrap_err();
+        let missing = found.iter().find(|it| it.key == format!("{AT}.full_scale_hz")).unwrap();
+        let parameter = model.full_scale_parameter().unwrap_or_else(|| panic!("{} names none", model.id));
+        assert!(missing.right.as_deref().unwrap().ends_with(parameter), "{}: {missing:?}", model.id);
+        let unproven = found.iter().filter(|it| it.key == format!("{AT}.control.accept_unverified")).count();
+        assert_eq!(unproven, usize::from(!model.unproven_basics().is_empty()), "{}: {found:?}", model.id);
+    }
+}

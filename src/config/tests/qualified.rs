@@ -1,8 +1,8 @@
 //! What was tried at drives on the site, and what of it a configuration accepts.
 
 use super::*;
-use crate::config::load_at_site;
 use crate::config::qualified::{Finding, Qualified, QualifiedDrive, QualifiedFact};
+use crate::config::{is_tried, is_unproven, load_at_site};
 use crate::domain::control::{ControlAction, ControlSettings};
 use std::sync::Arc;
 
@@ -105,4 +105,17 @@ fn a_fail_safe_action_does_not_change_with_the_drive() {
     let refused = loaded(&coast, Ok(&confirmed)).unwrap_err();
     assert!(is_named(&refused, ".on_commander_lost", "coast is unproven"), "{refused:?}");
     assert!(loaded(&with(&coast, "lost_after", "accept_unverified = [\"coast\"]\nlost_after"), Ok(&confirmed)).is_ok());
+}
+
+#[test]
+fn all_orders_of_a_model_that_is_not_built_in_are_tried_whatever_its_grades() {
+    let own = include_str!("../../../tests/golden/models/everything.toml");
+    let catalog = vendors::catalog().with_texts([("own.toml", own)]).unwrap();
+    let own = catalog.models().find(|it| vendors::catalog().find(&it.id).is_none()).unwrap();
+    assert!(!is_unproven(own, ControlAction::Basic), "its writer calls it proven");
+    assert!(is_tried(own, ControlAction::Basic));
+    let built_in = catalog.models().find(|it| it.run.is_some() && it.unproven_basics().is_empty() && it.id != own.id);
+    assert!(!is_tried(built_in.unwrap(), ControlAction::Basic));
+    let only_read = catalog.models().find(|it| it.run.is_none()).unwrap();
+    assert!(!is_tried(only_read, ControlAction::Basic));
 }

@@ -2,12 +2,24 @@
 
 use super::read_back::LOOK_EVERY;
 use super::{Execution, Next, Stage};
+use crate::domain::address::Address;
 use crate::domain::command::{Outcome, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{Await, Step, StepPart};
 use std::time::Duration;
 
 impl Execution {
+    /// The register that is read now because the order rests on it: the drive's identity, or a setting.
+    pub(super) fn required_register(&self) -> Option<Address> {
+        let Stage::Step(index) = self.stage else { return None };
+        match self.approved.steps().get(index)? {
+            Step::Require { address, .. } => Some(*address),
+            Step::Check { .. } | Step::Await(_) | Step::Skip(_) | Step::Pause(_) | Step::Rest(_) | Step::Write(_) => {
+                None
+            }
+        }
+    }
+
     /// The drive shows `word` at `now`, and the step at `index` waits for it. A drive that does not show in time what it
     /// must is sent nothing more.
     pub(super) fn awaited(&mut self, index: usize, word: Option<u16>, now: MonoTime) -> Next {

@@ -44,6 +44,7 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
         other_is_alive: false,
         line_is_bad: false,
         is_offline: false,
+        is_implausible: false,
         stop_pending: false,
         tripped: Some(matches!(command.order, Order::Reset)),
         rests: true,

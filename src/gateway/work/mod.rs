@@ -332,6 +332,7 @@ impl DriveWork {
             other_is_alive: false,
             line_is_bad: false,
             is_offline,
+            is_implausible: false,
             stop_pending: self.latch.is_some(),
             tripped: self.trips.view().active,
             at_standstill: is_fresh && self.is_at_standstill(),

@@ -69,6 +69,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::Watchdog
         | Reason::Precondition
         | Reason::OtherDrive
+        | Reason::Implausible
         | Reason::WrittenTooOften
         | Reason::Removed
         | Reason::QueueFull
@@ -119,7 +120,7 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 67] = [
+    const CODES: [u8; 68] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
@@ -129,6 +130,7 @@ mod tests {
         11, 6, 6, 1, 6, // clock_ahead, precondition, other_drive, not_over_bus, full_scale_unknown
         6, 4, 4, 4, // drive_busy, drive_locked, drive_in_trip, not_ready
         6, 3, 4, 10, // sign_unknown, half_a_value, not_committed, standby
+        6,  // implausible
     ];
 
     #[test]

@@ -18,6 +18,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     deafness_is_bearable(&file.registers, problems);
     energy_is_counted(&file.registers, problems);
+    plausible_is_seen(&file.registers, problems);
     if let Some(rule) = file.codes.valid().and_then(|codes| codes.value.ready()) {
         codes_fit(&rule, &file.registers, problems);
     }
@@ -82,6 +83,25 @@ fn energy_is_counted(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
         if let Some(scale) = not_stated.into_iter().flatten().find(|part| part.value == FactPart::Scale) {
             let problem = scale.location.problem("the scale of an energy counter must be stated");
             problems.push(problem.right("leave the role out: energy is then summed up from the output power"));
+        }
+    }
+}
+
+/// What proves that the drive is one of its model is one plain word that is read while the drive is there.
+fn plausible_is_seen(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+    for register in registers {
+        let Some(plausible) = register.plausible.valid() else { continue };
+        let is_polled = register.poll.valid().is_some_and(|poll| poll.value.is_live());
+        if !is_polled && !matches!(register.poll, OptionalKey::Invalid) {
+            let problem = plausible.location.problem("it is not seen when the drive comes into sight");
+            problems.push(problem.right("poll = \"slow\", \"second\" or \"fast\" there, or leave it out"));
+        }
+        if register.form.is_pair()
+            || register.form.full_scale.valid().is_some()
+            || register.form.scale_by.valid().is_some()
+        {
+            let problem = plausible.location.problem("a range is plain numbers of one word");
+            problems.push(problem.right("a register of one word with a scale of its own"));
         }
     }
 }
@@ -159,6 +179,16 @@ mod tests {
                 "register[7].deaf_after: 11s is out of range -> a time from \"1ms\" to \"10s\"",
             ),
         ]);
+    }
+
+    #[test]
+    fn what_must_be_plausible_is_seen_at_first_contact() {
+        each_is_told(&[(
+            "range = [0.0, 25.5]",
+            "range = [0.0, 25.5]\nplausible = [1.0, 2.0]",
+            "register[11].plausible: it is not seen when the drive comes into sight -> \
+             poll = \"slow\", \"second\" or \"fast\" there, or leave it out",
+        )]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::keys::readable;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::ModelFile;
-use crate::profile::model::{Access, Role};
+use crate::profile::model::{Access, FactPart, Role};
 use crate::profile::register::{CONFIGURED, RegisterFile};
 use crate::toml_file::{Location, OptionalKey, Spanned};
 use crate::wire::pdu::function;
@@ -41,6 +41,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         full_scale_is_known(register, file, problems);
         scale_is_known(register, file, problems);
         sign_means_a_direction(register, problems);
+        sign_in_doubt_is_read(register, problems);
         is_one_value(register, problems);
     }
     ranges_are_fixed(file, problems);
@@ -160,6 +161,11 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
     if let Some(from) = scale.from.valid().filter(|_| role(register) == Some(Role::OutputFrequency)) {
         tell(&from.location, "an output of 0 would not be 0 Hz", "leave it out", problems);
     }
+    let is_configured = scale.of.as_ref().is_some_and(|of| of.value == CONFIGURED);
+    if let Some(parameter) = scale.parameter.valid().filter(|_| !is_configured && scale.of.is_some()) {
+        let right = "leave it out, or `of = \"configured\"`";
+        tell(&parameter.location, "the drive shows the whole: nobody types it", right, problems);
+    }
     let unit = register.unit.as_ref().map(|unit| unit.value);
     let from = scale.from.valid();
     for name in scale.of.iter().chain(from) {
@@ -228,6 +234,21 @@ fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) 
             "leave it out, or `signed = true` if the documents say so",
             problems,
         );
+    }
+}
+
+/// A number whose sign no document states is read in two's complement: below half of its range both readings agree, and
+/// a negative one is not shown as a large positive one. The sign of an output frequency is its direction then.
+fn sign_in_doubt_is_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
+    let parts = register.not_stated.valid().map(|parts| parts.value.iter());
+    let Some(sign) = parts.into_iter().flatten().find(|part| part.value == FactPart::Sign) else { return };
+    let is_read = register.access.as_ref().is_none_or(|access| access.value.can_read());
+    let is_output = role(register) == Some(Role::OutputFrequency);
+    if is_read && register.signed.or(false) == Some(false) {
+        let what = "a negative number would be shown as a large positive one";
+        tell(&sign.location, what, "`signed = true`: below half of the range both readings agree", problems);
+    } else if is_output && matches!(register.form.direction.0, OptionalKey::Absent) {
+        tell(&sign.location, "a negative output frequency is no magnitude", "`direction = \"sign\"`", problems);
     }
 }
 
@@ -407,6 +428,11 @@ mod tests {
                  a register of one word, or a field of it",
             ),
             (
+                "full_scale = { steps = 16384, of = \"maximum\", parameter = \"1-01\" }",
+                "full_scale.of: there is no register called `maximum` -> the `name` of a register\n\
+                 full_scale.parameter: the drive shows the whole: nobody types it -> leave it out, or `of = \"configured\"`",
+            ),
+            (
                 "scale = 10\nfull_scale = { steps = 16384, of = \"configured\" }",
                 "full_scale: the scale is given twice -> leave out `scale`",
             ),
@@ -417,6 +443,15 @@ mod tests {
             (
                 "direction = \"sign\"",
                 "direction: a number without a sign has no direction -> leave it out, or `signed = true` if the documents say so",
+            ),
+            (
+                "not_stated = [\"sign\"]",
+                "not_stated[0]: a negative number would be shown as a large positive one -> \
+                 `signed = true`: below half of the range both readings agree",
+            ),
+            (
+                "signed = true\nnot_stated = [\"sign\"]",
+                "not_stated[0]: a negative output frequency is no magnitude -> `direction = \"sign\"`",
             ),
         ] {
             assert_eq!(said(keys), expected);

@@ -114,6 +114,14 @@ impl Model {
     /// this model takes orders only if [`ControlAction::Basic`] is accepted.
     #[must_use]
     pub fn unproven_basics(&self) -> Vec<Basic<'_>> {
+        let mut basics = self.basics();
+        basics.retain(|basic| !basic.confidence.is_proven());
+        basics
+    }
+
+    /// All facts behind stop, forward and the setpoint; none if it takes no orders.
+    #[must_use]
+    pub fn basics(&self) -> Vec<Basic<'_>> {
         let Some(run) = &self.run else { return Vec::new() };
         let mut basics = Vec::new();
         let mut add = |what: &'static str, key: &str, confidence, source| {
@@ -145,7 +153,6 @@ impl Model {
                 also: self.second_source(&format!("register.{}", register.name)),
             });
         }
-        basics.retain(|basic| !basic.confidence.is_proven());
         basics
     }
 

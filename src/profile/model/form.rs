@@ -125,6 +125,8 @@ pub struct FullScale {
     pub of: Whole,
     /// The value of 0; `None` for 0.
     pub from: Option<Basis>,
+    /// The drive's own parameter that holds the whole, where a person types it into the configuration.
+    pub parameter: Option<String>,
 }
 
 /// What a fraction is a fraction of.

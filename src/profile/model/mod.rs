@@ -213,6 +213,13 @@ impl Model {
         scales.into_iter().any(|scale| matches!(scale.of, Whole::Configured | Whole::Fixed(_)))
     }
 
+    /// The drive's own parameter that holds that full scale, if the model names it.
+    #[must_use]
+    pub fn full_scale_parameter(&self) -> Option<&str> {
+        let scales = self.registers.iter().filter_map(|register| register.form.full_scale.as_ref());
+        scales.into_iter().find_map(|scale| scale.parameter.as_deref())
+    }
+
     /// The register whose stored twin is at `address`, on a model that has such twins.
     #[must_use]
     pub fn stored_twin(&self, address: impl Into<Address>) -> Option<&Register> {

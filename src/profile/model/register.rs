@@ -231,6 +231,8 @@ pub struct Register {
     pub memory: Option<Memory>,
     /// The valid words, as numbers before scaling. `None`: undocumented.
     pub range: Option<RangeInclusive<i32>>,
+    /// What it shows of every drive of the model, as numbers before scaling. `None`: nothing is concluded from it.
+    pub plausible: Option<RangeInclusive<i32>>,
     /// Meanings of its words, if they are codes.
     pub meanings: Vec<(u16, String)>,
     /// Texts for states that some of its bits show.

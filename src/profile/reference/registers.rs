@@ -27,8 +27,17 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         ("scale", "1", "Raw steps in one unit: with 100 a raw 4250 is 42.50. Or a ratio: value = raw x per / steps."),
         ("scale.steps", "", "Raw steps."),
         ("scale.per", "", "The number of units that they are."),
-        ("signed", "false", "Whether the number is in two's complement."),
+        (
+            "signed",
+            "false",
+            "Whether the number is in two's complement. Required with `not_stated = [\"sign\"]`: below half of the range both readings agree.",
+        ),
         ("range", "not known", "The least and the greatest value that the drive takes, in the unit: `[0.1, 600.0]`."),
+        (
+            "plausible",
+            "none",
+            "What it shows of every drive of this model, in the unit: `[150, 900]`. Until it was seen in this range after the drive came into sight, no reading of the drive is shown as good, and every order but a stop is refused (`implausible`): the addresses may be off by one, or the drive another one.",
+        ),
         ("values", "none", "The meanings of its words: `{ \"0\" = \"panel\", \"2\" = \"bus\" }`."),
         ("values.NAME", "", "The meaning of this word, in decimal."),
         (
@@ -76,6 +85,11 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "",
             "The name of the readable register in the same unit that holds the whole, or `\"configured\"`: the drive's key `full_scale_hz`.",
         ),
+        (
+            "full_scale.parameter",
+            "none",
+            "Beside `of = \"configured\"`: the drive's own parameter that holds the whole, as a person looks for it.",
+        ),
         ("full_scale.from", "0", "The name of the register that holds the value of a raw 0."),
         ("scale_by", "none", "The steps per unit depend on another register. In place of `scale`."),
         ("scale_by.register", "", "The name of that register."),
@@ -93,7 +107,7 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         (
             "direction",
             "none",
-            "Of a signed output frequency, frequency command or frequency setting: the sign is the direction, and the magnitude is shown.",
+            "Of a signed output frequency, frequency command or frequency setting: the sign is the direction, and the magnitude is shown. With `not_stated = [\"sign\"]` only a number below 0 shows a direction.",
         ),
     ],
 }];

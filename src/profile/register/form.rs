@@ -61,6 +61,7 @@ pub(in crate::profile) struct FullScaleFile {
     steps: RequiredKey<u32>,
     pub of: RequiredKey<String>,
     pub from: OptionalKey<String>,
+    pub parameter: OptionalKey<String>,
 }
 
 /// `scale_by`
@@ -129,6 +130,7 @@ impl FullScaleFile {
             steps: self.steps.as_ref()?.value,
             of: if of == CONFIGURED { Whole::Configured } else { Whole::Register(basis(of, all)?) },
             from: from.map(|name| basis(&name, all)).map_or(Some(None), |it| it.map(Some))?,
+            parameter: self.parameter.clone().optional()?,
         })
     }
 }
@@ -195,6 +197,7 @@ fn full_scale(mut reader: Reader<'_, '_>) -> FullScaleFile {
         steps: reader.required("steps", &Kind::number(1..=MAX_SCALE)),
         of: reader.required("of", &Kind::text()),
         from: reader.optional("from", &Kind::text()),
+        parameter: reader.optional("parameter", &Kind::text()),
     };
     reader.finish();
     file

@@ -48,6 +48,7 @@ pub struct RegisterFile {
     pub(super) form: FormFile,
     pub(in crate::profile) memory: OptionalKey<Memory>,
     range: OptionalKey<RangeInclusive<i32>>,
+    pub(super) plausible: OptionalKey<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
     pub(super) not_stated: OptionalKey<Vec<Spanned<FactPart>>>,
@@ -105,6 +106,7 @@ impl RegisterFile {
             poll: self.poll.clone().optional()?,
             memory: self.memory.clone().optional()?,
             range: self.range.clone().optional()?,
+            plausible: self.plausible.clone().optional()?,
             meanings: self.meanings.clone(),
             // Those of `[[run.state]]` are added by the model.
             states: Vec::new(),
@@ -142,6 +144,7 @@ impl RegisterFile {
             role: OptionalKey::Absent,
             memory: OptionalKey::Absent,
             range: OptionalKey::Absent,
+            plausible: OptionalKey::Absent,
             meanings: Vec::new(),
             back_door: OptionalKey::Absent,
             is_link: OptionalKey::Absent,
@@ -166,7 +169,8 @@ impl RegisterFile {
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
         register.form = FormFile::read(&mut reader);
         register.memory = reader.optional("memory", &Kind::one_of(&MEMORIES));
-        register.range = register.read_range(&mut reader);
+        register.range = register.read_range(&mut reader, "range");
+        register.plausible = register.read_range(&mut reader, "plausible");
         register.meanings = meanings(&mut reader, "values");
         register.back_door = reader.optional("back_door", &Kind::text());
         register.is_link = reader.optional("link", &Kind::flag());
@@ -180,11 +184,11 @@ impl RegisterFile {
 }
 
 impl RegisterFile {
-    /// `range` in the register's unit, as numbers before scaling.
-    fn read_range(&self, reader: &mut Reader<'_, '_>) -> OptionalKey<RangeInclusive<i32>> {
+    /// The range `key` in the register's unit, as numbers before scaling.
+    fn read_range(&self, reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<RangeInclusive<i32>> {
         // No register exceeds this range, whatever its scale.
         let ends = Kind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
-        let (list, location) = match reader.list("range", &ends) {
+        let (list, location) = match reader.list(key, &ends) {
             OptionalKey::Absent => return OptionalKey::Absent,
             OptionalKey::Invalid => return OptionalKey::Invalid,
             OptionalKey::Valid(Spanned { value, location }) => (value, location),

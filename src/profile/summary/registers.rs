@@ -69,9 +69,12 @@ fn scale(register: &Register) -> String {
         (Some(scale), _) => {
             let of = match &scale.of {
                 Whole::Register(basis) => basis.address.to_string(),
-                Whole::Configured | Whole::Fixed(_) => "full_scale_hz".to_owned(),
+                Whole::Configured | Whole::Fixed(_) => match &scale.parameter {
+                    Some(parameter) => format!("full_scale_hz ({parameter})"),
+                    None => "full_scale_hz".to_owned(),
+                },
             };
-            let from = scale.from.map(|basis| format!(" from {}", basis.address)).unwrap_or_default();
+            let from = scale.from.as_ref().map(|basis| format!(" from {}", basis.address)).unwrap_or_default();
             format!("{} = {of}{from}", scale.steps)
         }
         (None, Some(by)) => {

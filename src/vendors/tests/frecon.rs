@@ -124,7 +124,8 @@ const REGISTERS: [Row; 102] = [
 fn registers_are_those_of_the_manual() {
     let model = fr500a();
     assert_registers(&model, &REGISTERS);
-    assert_eq!(signed(&model), [0x2004, 0x3004, 0x3011, 0x3017]);
+    // The sign of the speeds 3005H and 3021H and of the torque 301FH is not stated.
+    assert_eq!(signed(&model), [0x2004, 0x3004, 0x3005, 0x3011, 0x3017, 0x301F, 0x3021]);
     assert_eq!(back_doors(&model), [0x0108, 0x0109, 0x010A, 0x2002, 0x2003, 0x2004]);
     let ram = addresses(&model, |it| it.access == ReadWrite || [0x2000, 0x2001].contains(&it.address.number()));
     assert_eq!(in_memory(&model, Memory::Ram), ram);

@@ -2,8 +2,8 @@
 
 use super::body::TrialOrder;
 use super::{READ_WITHIN, Trials, frames};
-use crate::config::is_unproven;
 use crate::config::qualified::{QualifiedFact, Standing};
+use crate::config::{is_tried, is_unproven};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::domain::command::Direction;
@@ -35,7 +35,7 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
     };
     let control = description.control.as_deref();
     let facts = kept.map_or(&[][..], |(_, facts)| facts);
-    let actions = ControlAction::ALL.iter().filter(|it| is_unproven(model, **it));
+    let actions = ControlAction::ALL.iter().filter(|it| is_tried(model, **it));
     let mut shown = json!({
         "drive": description.name.as_str(),
         "line": description.line.as_str(),
@@ -70,7 +70,7 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
     shown
 }
 
-/// An unproven action: what it rests on, and what was found.
+/// An action that is tried: what it rests on, and what was found.
 fn action(
     action: ControlAction,
     model: &Model,
@@ -78,7 +78,9 @@ fn action(
     facts: &[QualifiedFact],
     counts: bool,
 ) -> Value {
+    let is_proven = !is_unproven(model, action);
     let rests_on = match action {
+        ControlAction::Basic if is_proven => model.basics().iter().map(Basic::described).collect(),
         ControlAction::Basic => model.unproven_basics().iter().map(Basic::described).collect(),
         action => {
             let fact = model.run.as_ref().and_then(|run| run.action(action));
@@ -92,7 +94,8 @@ fn action(
         "action": action.word(),
         "rests_on": rests_on,
         "listed": is_in_force && !is_site,
-        "in_force": is_in_force,
+        "in_force": is_in_force || is_proven,
+        "proven": is_proven,
         "result": found.map(|it| it.result.word()),
         "by": found.map(|it| it.by.as_str()),
         "at": found.map(|it| it.at.as_str()),

@@ -29,6 +29,7 @@ impl Drive<'_> {
             said.say(Sign::Offline, offline(self.station));
         }
         self.tripped(&mut said);
+        self.plausible(&mut said);
         if let Some(warning) = warning_text(description, self.view, now) {
             said.say(Sign::Warns, warns(warning));
         }
@@ -39,6 +40,28 @@ impl Drive<'_> {
             self.view.control.iter().for_each(|it| control(&mut said, it, &description.model, now));
         }
         said.all
+    }
+
+    /// What the drive shows that no drive of its model shows.
+    fn plausible(&self, said: &mut Advice) {
+        if !self.view.snapshot.is_implausible || !self.view.is_online() {
+            return;
+        }
+        for register in &self.description.model.registers {
+            let (Some(range), Some(reading)) = (&register.plausible, self.view.snapshot.reading(register.address))
+            else {
+                continue;
+            };
+            if (i64::from(*range.start())..=i64::from(*range.end())).contains(&register.number_in(reading.raw)) {
+                continue;
+            }
+            let ends = [range.start(), range.end()].map(|end| Scaled::new(i64::from(*end), register.scale));
+            let implausible = Sentence::new("finding.implausible").with("register", register.title.as_str());
+            let implausible = implausible.with("address", register.address.to_string());
+            let implausible = implausible.with("is", register.plain_value(reading.raw).to_string());
+            let implausible = implausible.with("least", ends[0].to_string()).with("most", ends[1].to_string());
+            said.say(Sign::Implausible, implausible.with("unit", register.unit.symbol()));
+        }
     }
 
     /// A drive that does not answer may no longer be tripped: then that is reported, and not this.
@@ -149,7 +172,7 @@ fn refused(model: &Model, last: &Report) -> Option<Sentence> {
 }
 
 /// Reasons that lie in the drive or its configuration. The catalogue has a hint for each.
-pub(super) const OF_DRIVE: [Reason; 12] = [
+pub(super) const OF_DRIVE: [Reason; 13] = [
     Reason::KeptOldValue,
     Reason::DriveException,
     Reason::DriveBusy,
@@ -160,6 +183,7 @@ pub(super) const OF_DRIVE: [Reason; 12] = [
     Reason::NotCommitted,
     Reason::NotReady,
     Reason::OtherDrive,
+    Reason::Implausible,
     Reason::SetpointUnknown,
     Reason::Unverified,
 ];

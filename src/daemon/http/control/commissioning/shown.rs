@@ -134,6 +134,7 @@ fn model_json(model: &Model, why: &str) -> Value {
         "title": model.title,
         "why": why,
         "needs_full_scale": model.needs_full_scale(),
+        "full_scale_parameter": model.full_scale_parameter(),
         "can_be_commanded": model.run.is_some(),
         "is_unproven": !model.unproven_basics().is_empty(),
     })

@@ -44,6 +44,7 @@ class FoundDrive {
   choose(model) {
     this.model = model ?? null;
     show(this.scale_field, this.model?.needs_full_scale === true);
+    this.full_scale.placeholder = this.model?.full_scale_parameter ?? "";
   }
 
   /** What its candidates make of its registers: the person at the panel sees which one is right. */
