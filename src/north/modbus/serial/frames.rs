@@ -5,6 +5,10 @@ use super::BROADCAST;
 use super::client;
 use crate::wire::pdu::function;
 use crate::wire::rtu;
+use std::ops::Range;
+
+/// Most bytes behind a request that do not cost it: no other frame is as short.
+const BEHIND_MAX: usize = 3;
 
 /// Unit and PDU of a frame.
 type Frame = (u8, Vec<u8>);
@@ -33,6 +37,16 @@ pub(super) fn all_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Option<Vec<F
     Some(frames)
 }
 
+/// The request for one of the gateway's units in `bytes` that has noise before it, or little of it behind it.
+pub(super) fn request_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Option<(Range<usize>, Frame)> {
+    (0..bytes.len()).find_map(|start| {
+        let rest = bytes.get(start..).filter(|rest| rest.first().is_some_and(|unit| is_ours(*unit)))?;
+        let length = request_adu_bytes(rest).filter(|length| rest.len().saturating_sub(*length) <= BEHIND_MAX)?;
+        let (frame, length) = framed(rest, length)?;
+        Some((start..start + length, frame))
+    })
+}
+
 /// The reply to the function of a unit at the beginning of `bytes`, with its length.
 fn reply_to((unit, function): (u8, u8), bytes: &[u8]) -> Option<(Frame, usize)> {
     let answered = *bytes.get(1)?;
@@ -47,7 +61,7 @@ fn framed(bytes: &[u8], adu_bytes: usize) -> Option<(Frame, usize)> {
 }
 
 /// Length of the request frame that begins with `adu`, where its function tells.
-pub(super) fn request_adu_bytes(adu: &[u8]) -> Option<usize> {
+fn request_adu_bytes(adu: &[u8]) -> Option<usize> {
     let counted = |at: usize| adu.get(at).map(|count| at + 1 + usize::from(*count) + 2);
     match *adu.get(1)? {
         client::READ_COILS

@@ -138,6 +138,84 @@ fn a_request_behind_noise_and_one_in_pieces_are_taken() {
     assert_eq!(slave.next_request(), None, "no adapter pauses for 21 ms");
 }
 
+/// Function 06 to the run word, and the bytes that a driver adds which is switched on or off.
+const STOP: [u8; 5] = [6, 0, 0, 0, 0];
+const GLITCHES: [&[u8]; 6] = [&[0], &[0xFF], &[0, 0], &[0xFF, 0], &[0, 0xFF], &[0x55, 0, 0xFF]];
+
+#[test]
+fn a_request_is_taken_with_a_glitch_behind_it_before_it_or_on_both_sides() {
+    let requests: [&[u8]; 4] =
+        [&READ, &STOP, &[0x10, 0, 1, 0, 2, 4, 0, 1, 0, 2], &[0x17, 0, 0, 0, 1, 0, 5, 0, 1, 2, 0, 7]];
+    for (pdu, glitch) in requests.iter().flat_map(|pdu| GLITCHES.map(|glitch| (*pdu, glitch))) {
+        let frame = frame(1, pdu);
+        for bytes in [[&frame[..], glitch].concat(), [glitch, &frame].concat(), [glitch, &frame, glitch].concat()] {
+            let mut slave = slave(Framing::Rtu);
+            slave.received(at(10_000), &bytes, &ours);
+            slave.tick(at(13_700), &ours);
+            let request = slave.next_request();
+            assert_eq!(request.as_ref().map(|it| it.pdu.as_slice()), Some(pdu), "{bytes:02X?}");
+            slave.answer(request.unwrap().number, &REPLY);
+            assert!(slave.next_frame(at(13_800)).is_some(), "{bytes:02X?}");
+            slave.tick(at(60_000), &ours);
+            slave.received(at(60_000), &frame, &ours);
+            slave.tick(at(63_700), &ours);
+            assert!(slave.next_request().is_some(), "the next one behind {bytes:02X?}");
+        }
+    }
+}
+
+#[test]
+fn the_glitch_behind_a_request_may_be_the_beginning_of_the_next_one() {
+    let (first, second) = (frame(1, &READ), frame(101, &STOP));
+    let mut slave = slave(Framing::Rtu);
+    slave.received(at(10_000), &[&first[..], &second[..2]].concat(), &ours);
+    slave.tick(at(13_700), &ours);
+    assert_eq!(slave.next_request().map(|it| it.unit), Some(1));
+    slave.received(at(20_000), &second[2..], &ours);
+    slave.tick(at(23_700), &ours);
+    assert_eq!(slave.next_request().map(|it| it.unit), Some(101));
+}
+
+#[test]
+fn what_is_longer_than_its_function_says_is_answered_as_it_is() {
+    // The check is right over all of it, so it is no glitch.
+    let long = frame(1, &[3, 0, 0, 0, 1, 9]);
+    let mut slave = slave(Framing::Rtu);
+    slave.received(at(10_000), &long, &ours);
+    slave.tick(at(13_700), &ours);
+    assert_eq!(slave.next_request().map(|it| it.pdu), Some(vec![3, 0, 0, 0, 1, 9]));
+}
+
+#[test]
+fn an_echo_with_a_glitch_before_it_is_no_request_where_echoes_are_known() {
+    let (mut slave, request) = asked(&WRITE);
+    slave.answer(request.number, &WRITE);
+    let reply = slave.next_frame(at(13_800)).unwrap();
+    slave.received(at(23_000), &reply, &ours);
+    slave.received(at(60_000), &frame(1, &WRITE), &ours);
+    slave.tick(at(64_000), &ours);
+    let again = slave.next_request().unwrap();
+    slave.answer(again.number, &WRITE);
+    let reply = slave.next_frame(at(64_100)).unwrap();
+    slave.received(at(73_000), &[&[0xFF], &reply[..]].concat(), &ours);
+    slave.tick(at(77_000), &ours);
+    assert_eq!(slave.next_request(), None);
+}
+
+#[test]
+fn a_glitch_around_a_text_frame_costs_nothing() {
+    for glitch in GLITCHES {
+        let request = text(1, &STOP);
+        for bytes in [[&request[..], glitch].concat(), [glitch, &request].concat()] {
+            let mut slave = slave(Framing::Ascii);
+            slave.received(at(10_000), &bytes, &ours);
+            assert!(slave.next_request().is_some(), "{bytes:02X?}");
+            slave.received(at(60_000), &request, &ours);
+            assert!(slave.next_request().is_some(), "the next one behind {bytes:02X?}");
+        }
+    }
+}
+
 #[test]
 fn without_an_answer_an_exception_is_sent_in_time_and_the_answer_never() {
     for (pdu, code) in [(&READ[..], 6), (&WRITE, 0x0B), (&[4, 0, 0, 0, 1], 6), (&[0x10, 0, 0, 0, 1, 2, 0, 1], 0x0B)] {
