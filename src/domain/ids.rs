@@ -41,7 +41,7 @@ impl fmt::Display for UnitId {
     }
 }
 
-/// The name of a gateway, line or drive: 1 to 64 letters, digits, `-`, `_` or `.`, so that it fits into
+/// The name of a gateway, line or drive: 1 to 64 letters, digits, `-`, `_` or `.`, not only dots, so that it fits into
 /// a topic, a URL and a file name as it is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(String);
@@ -50,10 +50,15 @@ impl Name {
     /// The longest name, in characters.
     pub const MAX_CHARS: usize = 64;
 
-    /// The name `text`. `None` if it is empty, too long or contains any other character.
+    /// What makes a name, behind the number of its characters.
+    pub const RULE: &str = "letters, digits, \"-\", \"_\" or \".\", not only dots";
+
+    /// The name `text`. `None` if it is empty, too long, contains any other character, or is only dots, which mean
+    /// another place in a URL and in a path.
     #[must_use]
     pub fn new(text: &str) -> Option<Self> {
         let fits = (1..=Self::MAX_CHARS).contains(&text.len())
+            && text.bytes().any(|b| b != b'.')
             && text.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'));
         fits.then(|| Self(text.to_owned()))
     }
@@ -78,7 +83,7 @@ impl fmt::Display for Name {
 }
 
 /// The name of a client that has command topics or a certificate of its own (a "commander"): 1 to 32 letters, digits,
-/// `-`, `_` or `.`. It is copied with every command.
+/// `-`, `_` or `.`, not only dots. It is copied with every command.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CommanderName {
     /// Padded with zeros, which no name contains.
@@ -155,8 +160,8 @@ mod tests {
 
     #[test]
     fn names_fit_into_topics() {
-        assert!(Name::new("pump-1_a.B").is_some());
-        for bad in ["", "a/b", "a+", "#", "pump 1", "ü", &"x".repeat(65)] {
+        assert!(Name::new("pump-1_a.B").is_some() && Name::new("..a").is_some());
+        for bad in ["", ".", "..", "...", "a/b", "a+", "#", "pump 1", "ü", &"x".repeat(65)] {
             assert!(Name::new(bad).is_none(), "{bad}");
         }
     }
@@ -167,7 +172,7 @@ mod tests {
             let name = CommanderName::new(good).unwrap();
             assert_eq!((name.as_str(), name.to_string()), (good, good.to_owned()));
         }
-        for bad in ["", "a/b", "+", "\0", &"x".repeat(33)] {
+        for bad in ["", "..", "a/b", "+", "\0", &"x".repeat(33)] {
             assert!(CommanderName::new(bad).is_none(), "{bad}");
         }
     }

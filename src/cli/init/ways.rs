@@ -6,6 +6,7 @@ use crate::cli::Failure;
 use crate::cli::questions::Questions;
 use crate::cli::straight_write;
 use crate::config::written::NewControl;
+use crate::domain::ids::{CommanderName, Name};
 use ipnet::IpNet;
 use std::io::BufRead;
 use std::net::{IpAddr, SocketAddr};
@@ -240,12 +241,9 @@ pub fn page_user<R: BufRead>(
         "--page-user",
         "Name of the page's user",
         None,
-        |text| {
-            let fits = |it: u8| it.is_ascii_alphanumeric() || b"-_.".contains(&it);
-            match !text.is_empty() && text.len() <= 64 && text.bytes().all(fits) {
-                true => Ok(text.to_owned()),
-                false => Err("letters, digits, \"-\", \"_\" and \".\" make a name".to_owned()),
-            }
+        |text| match CommanderName::new(text) {
+            Some(_) => Ok(text.to_owned()),
+            None => Err(format!("a name has 1 to {} {}", CommanderName::MAX_CHARS, Name::RULE)),
         },
     )?;
     secrets.page = Some(questions.secret("Password of this user, 8 characters at least")?);

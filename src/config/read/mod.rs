@@ -201,13 +201,13 @@ fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
 }
 
 fn name_kind() -> Kind<'static, Name> {
-    let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", Name::MAX_CHARS);
+    let right = format!("1 to {} {}", Name::MAX_CHARS, Name::RULE);
     Kind::parsed(right, Name::new)
 }
 
 /// The name of a gateway in its pair. It is a part of client identifiers, which are short.
 fn half_kind() -> Kind<'static, Name> {
-    let right = format!("1 to {HALF_CHARS} letters, digits, \"-\", \"_\" or \".\"");
+    let right = format!("1 to {HALF_CHARS} {}", Name::RULE);
     Kind::parsed(right, |text| Name::new(text).filter(|_| text.len() <= HALF_CHARS))
 }
 

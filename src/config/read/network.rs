@@ -5,7 +5,7 @@ use super::super::keys::Section;
 use super::super::ready_http::Viewers;
 use super::super::words::{ROLE_RIGHTS, ROLES, RoleRight, VIEWERS};
 use super::tables::{absolute_path, each, inner, refuse_not_served, turned};
-use crate::domain::ids::{CommanderName, UnitId};
+use crate::domain::ids::{CommanderName, Name, UnitId};
 use crate::domain::problem::Problem;
 use crate::north::modbus::Slots;
 use crate::north::operator::rights::Role;
@@ -83,7 +83,7 @@ pub(super) fn read_http(mut reader: Reader<'_, '_>) -> HttpFile {
 /// One `[[http.users]]`.
 fn read_user(mut reader: Reader<'_, '_>) -> HttpUserFile {
     refuse_not_served(&mut reader, Section::HttpUser);
-    let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", CommanderName::MAX_CHARS);
+    let right = format!("1 to {} {}", CommanderName::MAX_CHARS, Name::RULE);
     let user = HttpUserFile {
         location: reader.location().clone(),
         name: reader.required("name", &Kind::parsed(right, CommanderName::new)),

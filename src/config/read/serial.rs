@@ -5,7 +5,7 @@ use super::super::keys::Section;
 use super::super::words::DIRECTION_CONTROLS;
 use super::network::read_units;
 use super::tables::refuse_not_served;
-use crate::domain::ids::CommanderName;
+use crate::domain::ids::{CommanderName, Name};
 use crate::toml_file::values::Kind;
 use crate::toml_file::words::{FRAMINGS, PARITIES};
 use crate::toml_file::{OptionalKey, Reader, Spanned};
@@ -21,7 +21,7 @@ const HERE: IpNet = IpNet::V4(Ipv4Net::new_assert(Ipv4Addr::LOCALHOST, 32));
 /// One `[[modbus_rtu]]`.
 pub(super) fn read_serial(mut reader: Reader<'_, '_>) -> SerialFile {
     refuse_not_served(&mut reader, Section::ModbusRtu);
-    let right = format!("1 to {} letters, digits, \"-\", \"_\" or \".\"", CommanderName::MAX_CHARS);
+    let right = format!("1 to {} {}", CommanderName::MAX_CHARS, Name::RULE);
     let name = reader.required("name", &Kind::parsed(right, CommanderName::new));
     let port = super::read_port(&mut reader);
     let baud = reader.required("baud", &Kind::number(super::BAUD));

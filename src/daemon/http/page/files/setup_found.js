@@ -65,7 +65,7 @@ class FoundDrive {
   wrong() {
     if (!this.is_added) return null;
     if (!this.model) return t("found.choose", { station: this.station });
-    if (!/^[A-Za-z0-9._-]{1,64}$/.test(this.name.value)) return t("found.name_wrong", { station: this.station });
+    if (!/^(?!\.*$)[A-Za-z0-9._-]{1,64}$/.test(this.name.value)) return t("found.name_wrong", { station: this.station });
     const hz = decimal(this.full_scale.value);
     if (this.model.needs_full_scale && !(hz >= 1 && hz <= 1000)) return t("found.scale_wrong", { station: this.station });
     return null;
