@@ -47,6 +47,11 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
     if text == "embedded" {
         return Ok(Address::Embedded);
     }
+    if text.contains('@') {
+        // The text may contain a password, so it is not repeated.
+        let what = "a user or a password must not be in the address".to_owned();
+        return Err((what, "`user`, and `password_file` or `password_env`, beside it".to_owned()));
+    }
     let Some((scheme, rest)) = text.split_once("://") else {
         let near = nearest(text, ["embedded"]).map_or_else(|| RIGHT.to_owned(), |near| format!("\"{near}\""));
         return Err((format!("`{text}` is not the address of a broker"), near));
@@ -56,11 +61,6 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
         "mqtts" => (true, 8883),
         _ => return Err((format!("a broker over `{scheme}://` is not served"), RIGHT.to_owned())),
     };
-    if rest.contains('@') {
-        // The text may contain a password, so it is not repeated.
-        let what = "a user or a password must not be in the address".to_owned();
-        return Err((what, "`user`, and `password_file` or `password_env`, beside it".to_owned()));
-    }
     let wrong = |what: &str| (format!("`{text}` {what}"), RIGHT.to_owned());
     if rest.contains(['/', '?', '#']) {
         return Err(wrong("has more than a host and a port"));
@@ -129,6 +129,7 @@ mod tests {
 
     #[test]
     fn a_password_in_the_address_is_not_repeated() {
+        assert!(!parse("mqtt:user:secret@broker").unwrap_err().0.contains("secret"));
         let (what, right) = parse("mqtt://user:secret@broker").unwrap_err();
         assert!(!what.contains("secret") && !right.contains("secret"), "{what}; {right}");
     }

@@ -23,6 +23,12 @@ impl Wrong {
     }
 }
 
+/// `text` as a message repeats it; one that may hold a password or its hash is not repeated.
+fn quoted(text: &str) -> String {
+    let has_user = text.split_once("://").is_some_and(|(_, rest)| rest.contains('@'));
+    if has_user || text.contains("$argon2") { "this text".to_owned() } else { format!("`{text}`") }
+}
+
 /// A kind of value: how it is read, and what is right for it, in words.
 pub struct Kind<'k, T> {
     right: String,
@@ -50,7 +56,7 @@ impl<'k, T: 'k> Kind<'k, T> {
     pub fn parsed(right: impl Into<String>, parse: impl Fn(&str) -> Option<T> + 'k) -> Self {
         Self::new(right.into(), move |value| {
             let text = as_text(value)?;
-            parse(text).ok_or_else(|| Wrong::new(format!("`{text}` is not valid")))
+            parse(text).ok_or_else(|| Wrong::new(format!("{} is not valid", quoted(text))))
         })
     }
 
@@ -81,7 +87,7 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
             }
             let near = nearest(text, words.iter().map(|(word, _)| *word));
             Err(Wrong {
-                what: format!("`{text}` is not an allowed value"),
+                what: format!("{} is not an allowed value", quoted(text)),
                 right: near.map(|near| format!("\"{near}\"")),
             })
         })
@@ -98,7 +104,9 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
         Self::new(right, move |value| {
             let text = as_text(value)?;
             let found = words.iter().find(|(word, _)| *word == text);
-            found.map(|(_, value)| *value).ok_or_else(|| Wrong::new(format!("`{text}` is not an allowed value")))
+            found
+                .map(|(_, value)| *value)
+                .ok_or_else(|| Wrong::new(format!("{} is not an allowed value", quoted(text))))
         })
     }
 }
