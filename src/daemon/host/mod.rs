@@ -7,6 +7,7 @@ pub mod authority;
 pub mod clock;
 pub mod descriptors;
 pub mod directories;
+pub mod file_identity;
 pub mod pem_files;
 pub mod pty;
 pub(super) mod random;

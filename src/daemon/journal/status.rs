@@ -36,6 +36,8 @@ pub struct JournalReport {
     pub reason: Option<String>,
     /// Where a damaged journal was moved to since the start, if one was.
     pub moved_aside: Option<String>,
+    /// What happened to its file while it was open, if it was deleted or replaced.
+    pub replaced: Option<String>,
     /// Rows written since the start.
     pub rows: u64,
     /// Attempts, events and other rows that could not be kept, since the start.

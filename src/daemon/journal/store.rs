@@ -1,7 +1,7 @@
 //! The database while it can be used. A damaged one is moved aside; one that the system refuses is retried.
 
 use super::aside::move_aside;
-use super::database::{Broken, Database, DatabaseState, Mark, TakenOver, rescued};
+use super::database::{Broken, Database, DatabaseState, Loss, Mark, TakenOver, log_of, rescued};
 use super::rescue::{Standing, standing};
 use super::status::{JournalState, Status};
 use crate::daemon::host::clock;
@@ -146,6 +146,76 @@ impl Store {
         Ok(aside)
     }
 
+    /// Looks whether the files of the open database are still those at its path. A process does not notice when somebody
+    /// deletes or replaces what it has open, and would go on writing into a file without a name.
+    pub fn look(&mut self) {
+        let Some(loss) = self.database.as_mut().and_then(|database| database.loss(&self.path)) else { return };
+        let what = match loss {
+            Loss::Deleted => match self.restore() {
+                Ok(()) => "its file was deleted while the gateway ran; all rows were written into a new one".to_owned(),
+                Err(why) => {
+                    format!("its file was deleted while the gateway ran; a new one begins without its rows: {why}")
+                }
+            },
+            Loss::Replaced => {
+                self.database.iter().for_each(Database::keep_off);
+                let is_left = self.database.as_ref().is_some_and(|database| database.owns_log(&self.path));
+                self.leave();
+                if is_left && let Err(error) = self.remove_log() {
+                    tracing::error!(%error, "cannot remove the log of the journal that was replaced");
+                }
+                "its file was replaced while the gateway ran; the one that is there now is continued".to_owned()
+            }
+            Loss::Log => {
+                let kept = self.database.as_ref().map_or(Ok(()), Database::checkpoint);
+                self.leave();
+                match kept {
+                    Ok(()) => "its log was deleted while the gateway ran; all rows are in its file".to_owned(),
+                    Err(error) => format!("its log was deleted while the gateway ran; newest rows are lost: {error}"),
+                }
+            }
+        };
+        let file = self.path.display().to_string();
+        tracing::error!(file, "ALARM: the journal is not what was opened: {what}");
+        self.status.change(|report| report.replaced = Some(what.clone()));
+        self.notes.push(row::begun_anew(clock::wall(), &what, None));
+        self.has_begun_anew = true;
+        if self.connect().is_some()
+            && let Some(database) = &mut self.database
+        {
+            // No row of this run takes the number of one that the file holds.
+            let base = self.audit_base.unwrap_or_default().max(database.audit_base());
+            self.audit_base = Some(base);
+            database.count_audit_from(base);
+        }
+    }
+
+    /// Puts what the open database holds, whose file was deleted, back at its path.
+    fn restore(&mut self) -> Result<(), String> {
+        let copy = PathBuf::from(format!("{}.restored", self.path.display()));
+        // Of an earlier attempt.
+        let _ = std::fs::remove_file(&copy);
+        let copied = self.database.as_ref().map_or(Ok(()), |database| {
+            database.keep_off();
+            database.copy_to(&copy)
+        });
+        self.leave();
+        copied.map_err(|error| error.to_string())?;
+        self.remove_log().and_then(|()| std::fs::rename(copy, &self.path)).map_err(|error| error.to_string())
+    }
+
+    /// Removes the log of a file that is not there any more: it would be taken for one of the next file.
+    fn remove_log(&self) -> io::Result<()> {
+        let index = PathBuf::from(format!("{}-shm", self.path.display()));
+        for left in [log_of(&self.path), index] {
+            match std::fs::remove_file(left) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     /// Closes the database, and stores up to where it was written.
     fn leave(&mut self) {
         if let Some(database) = self.database.take() {
@@ -228,6 +298,12 @@ impl Store {
             tracing::warn!("journal is writable again");
             self.status.change(|report| (report.state, report.reason) = (JournalState::Ok, None));
         }
+    }
+
+    /// Whether a database is open.
+    #[must_use]
+    pub const fn is_open(&self) -> bool {
+        self.database.is_some()
     }
 
     /// The database, if it can be used.

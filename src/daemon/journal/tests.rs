@@ -584,6 +584,75 @@ fn a_journal_that_cannot_be_written_keeps_the_newest_and_goes_on_by_itself() {
 }
 
 #[test]
+fn a_file_that_is_deleted_while_it_is_open_is_told_and_written_again_with_all_rows() {
+    for files in [&["journal.db"][..], &["journal.db", "journal.db-wal", "journal.db-shm"]] {
+        let place = Place::new();
+        let mut rig = Rig::start(&place);
+        (1..=3).for_each(|number| drop(rig.refuse(number)));
+        let row = rig.trip(1);
+        rig.wait_for(row);
+        for file in files {
+            std::fs::remove_file(place.0.join(file)).unwrap();
+        }
+        let told = until("it is told", || rig.journal.report().replaced);
+        assert!(told.contains("was deleted") && told.contains("all rows"), "{told}");
+        let row = rig.trip(2);
+        rig.wait_for(row);
+        assert_eq!(rig.journal.report().state, JournalState::Ok);
+        rig.close();
+        let kinds = |table| sound(place.rows(table)).into_iter().map(|row| row.kind).collect::<Vec<_>>();
+        assert_eq!((kinds(Table::Event).len(), kinds(Table::Audit).len()), (2, 3), "{files:?}");
+        assert!(kinds(Table::Availability).iter().any(|kind| kind.contains("journal")), "{files:?}");
+        assert_eq!(place.aside(), [""; 0]);
+    }
+}
+
+#[test]
+fn a_log_that_is_deleted_costs_no_row() {
+    let place = Place::new();
+    let status = Arc::<Status>::default();
+    let (mut store, found) = Store::open(&place.file(), 64_000_000, &status);
+    let mut book = Book::new(found.memory);
+    let mut write = |store: &mut Store, version| {
+        book.note(row::started(WallTime { unix_ms: 1 }, version, "one", false));
+        assert!(store.write(&mut book, &BTreeSet::new()));
+        book.written();
+    };
+    write(&mut store, "1");
+    store.look();
+    assert_eq!(status.report().replaced, None);
+    std::fs::remove_file(place.0.join("journal.db-wal")).unwrap();
+    store.look();
+    let told = status.report().replaced.unwrap();
+    assert!(told.contains("log was deleted") && told.contains("all rows"), "{told}");
+    write(&mut store, "2");
+    drop(store);
+    let rows = sound(place.rows(Table::Availability));
+    assert!(["\"1\"", "\"2\""].iter().all(|version| rows.iter().any(|row| row.body.contains(version))), "{rows:?}");
+}
+
+#[test]
+fn a_file_that_is_replaced_is_told_and_the_new_one_is_continued() {
+    let (place, other) = (Place::new(), Place::new());
+    let mut rig = Rig::start(&other);
+    let row = rig.trip(7);
+    rig.wait_for(row);
+    rig.close();
+    other.wait_for_file();
+    let mut rig = Rig::start(&place);
+    let row = rig.trip(1);
+    rig.wait_for(row);
+    // The log of the old one stays, and is not taken for one of the new.
+    std::fs::rename(other.file(), place.file()).unwrap();
+    let told = until("it is told", || rig.journal.report().replaced);
+    assert!(told.contains("was replaced"), "{told}");
+    let row = rig.trip(2);
+    rig.wait_for(row);
+    rig.close();
+    assert_eq!(sound(place.rows(Table::Event)).len(), 2, "of the other one, and the new");
+}
+
+#[test]
 fn nobody_is_reported_more_than_he_has_room_for() {
     let place = Place::new();
     let mut rig = Rig::start(&place);

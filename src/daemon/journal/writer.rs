@@ -28,6 +28,8 @@ const EMPTY_AFTER: (u64, u64) = (256, 4096);
 const CUT_AFTER: u64 = 64;
 /// What drives have used is written this late, so that one write has it of many drives.
 const USAGE_WAITS: Duration = Duration::from_secs(5);
+/// How often it is looked whether the files are still those that were opened.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 /// Most marks of taken events that wait to be written. An event whose mark is lost is published again after the next
 /// start.
 const TAKEN_MAX: usize = 1024;
@@ -108,7 +110,12 @@ impl Writer {
     pub fn run(mut self, configuration: &str) {
         self.begin(configuration);
         let mut batch = Vec::new();
+        let mut looked = clock::now();
         loop {
+            if clock::now().since(looked) >= LOOK_EVERY {
+                looked = clock::now();
+                self.store.look();
+            }
             self.write();
             self.event_sender.serve(&mut self.store);
             self.tell_lines();
@@ -145,7 +152,8 @@ impl Writer {
         let tell = (!self.to_tell.is_empty()).then_some(TELL_AGAIN);
         // While the disk refuses, only the next retry counts.
         let used = self.used_until().filter(|_| retry.is_none()).map(|until| until.since(now));
-        [retry, tell, used].into_iter().flatten().min()
+        let look = self.store.is_open().then_some(LOOK_EVERY);
+        [retry, tell, used, look].into_iter().flatten().min()
     }
 
     /// Until when what drives have used may wait; `None` if nothing of that waits.

@@ -11,6 +11,7 @@ mod tests;
 pub use read::history;
 
 use crate::daemon::host::clock;
+use crate::daemon::host::file_identity::FileIdentity;
 use crate::daemon::journal::move_aside;
 use crate::north::page::kept::Minute;
 use rusqlite::{Error, ErrorCode};
@@ -40,7 +41,7 @@ impl Trends {
     pub fn start(directory: &Path) -> io::Result<Arc<Self>> {
         let file = directory.join(FILE_NAME);
         let (minutes, waiting) = sync_channel(WAITING_MAX);
-        let writer = Writer { file: file.clone(), store: None, is_told: false };
+        let writer = Writer { file: file.clone(), store: None, opened: None, is_told: false };
         std::thread::Builder::new().name("trends".to_owned()).spawn(move || writer.run(&waiting))?;
         Ok(Arc::new(Self { file, minutes }))
     }
@@ -67,6 +68,8 @@ struct Writer {
     file: PathBuf,
     /// `None` until it could be opened.
     store: Option<Store>,
+    /// The file that is open.
+    opened: Option<FileIdentity>,
     /// The log says that nothing is kept.
     is_told: bool,
 }
@@ -86,10 +89,16 @@ impl Writer {
     }
 
     fn write(&mut self, minutes: &[Minute]) -> Result<(), Error> {
+        // A process does not notice when a file that it has open is deleted or replaced.
+        if self.store.is_some() && FileIdentity::at(&self.file) != self.opened {
+            self.store = None;
+            tracing::error!(file = %self.file.display(), "trends were deleted or replaced; continuing with what is there");
+        }
         let store = match self.store.take() {
             Some(store) => store,
             None => Store::open(&self.file)?,
         };
+        self.opened = FileIdentity::at(&self.file);
         self.store.insert(store).write(minutes)
     }
 

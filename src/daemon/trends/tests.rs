@@ -79,3 +79,16 @@ fn a_damaged_file_is_moved_aside_and_new_trends_are_kept() {
     }
     assert_eq!(values(&file, "pump-1", HOUR), json!([[30.0]]));
 }
+
+#[test]
+fn a_file_that_is_deleted_while_it_is_open_begins_anew() {
+    let directory = Dir::new();
+    let file = directory.join(FILE_NAME);
+    let mut writer = Writer { file: file.clone(), store: None, opened: None, is_told: false };
+    writer.write(&[minute("pump-1", 86_400, 10.0)]).unwrap();
+    for part in ["", "-wal", "-shm"] {
+        std::fs::remove_file(format!("{}{part}", file.display())).unwrap();
+    }
+    writer.write(&[minute("pump-1", 90_000, 20.0)]).unwrap();
+    assert_eq!(values(&file, "pump-1", HOUR), json!([[20.0]]));
+}
