@@ -3,7 +3,7 @@
 use super::{Failure, print};
 use crate::daemon::mqtt::broker;
 use crate::daemon::mqtt::broker_child::ANNOUNCEMENT;
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use std::io::{self, Read};
 use std::net::SocketAddr;
 use tokio::sync::oneshot;

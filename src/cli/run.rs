@@ -2,7 +2,8 @@
 
 use super::{Failure, input};
 use crate::daemon::service::reload::Load;
-use crate::daemon::service::run::{self as daemon, told_to_end};
+use crate::daemon::service::run as daemon;
+use crate::daemon::service::signals::told_to_end;
 use rustix::system::uname;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -6,7 +6,7 @@ use super::{Failure, input, print};
 use crate::daemon::host::pty::Pty;
 use crate::daemon::lines::simulated_end::{AtSpeed, LineEnd, TcpEnd};
 use crate::daemon::lines::simulator;
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::domain::time::MonoTime;

@@ -7,7 +7,7 @@ use super::log::complain;
 use super::read::{ReadRequest, Shown, What};
 use super::view::View;
 use crate::daemon::host::clock;
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use crate::domain::time::MonoTime;
 use serde_json::json;
 use std::io::{self, Write};

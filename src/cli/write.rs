@@ -7,7 +7,7 @@ use super::start_words::models_that_run;
 use super::straight_write::{Straight, arm, extra};
 use super::target::Target;
 use super::{Failure, print};
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use crate::domain::address::Table;
 use crate::domain::command::Reason;
 use crate::domain::frequency::{Hertz, NoFrequency};

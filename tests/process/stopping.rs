@@ -82,3 +82,21 @@ fn who_was_stopped_by_another_party_does_not_go_on() {
     plant.wait_until_it_stands();
     assert_eq!(plant.written().last(), Some(&(RUN, 0)));
 }
+
+#[test]
+fn a_signal_without_a_meaning_ends_nothing_and_one_that_asks_for_the_end_stops_the_motor_first() {
+    let mut plant = Plant::with(PATIENT);
+    let seen = plant.run_over_mqtt();
+    for signal in ["USR1", "USR2", "ALRM", "VTALRM", "PROF", "IO", "XCPU", "XFSZ", "40"] {
+        plant.gateway.signal(signal);
+    }
+    for signal in ["SIGUSR1", "SIGUSR2", "SIGALRM"] {
+        plant.gateway.wait_for("that it was ignored", |line| {
+            (line.contains("signal ignored") && line.contains(signal)).then_some(())
+        });
+    }
+    assert_eq!(plant.written().len(), seen, "the motor runs on");
+    plant.gateway.signal("QUIT");
+    assert!(plant.gateway.end_within(PATIENCE).success());
+    assert!(plant.written()[seen..].contains(&(RUN, 0)), "on_shutdown");
+}

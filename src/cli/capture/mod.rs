@@ -7,7 +7,7 @@ use super::Failure;
 use super::log::complain;
 use super::socket::{self, Question};
 use crate::daemon::host::clock;
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use crate::domain::link::Framing;
 use crate::domain::time::MonoTime;
 use crate::north::traffic::packets::{PacketFrame, beginning_of, framing_of};

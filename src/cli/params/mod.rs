@@ -10,7 +10,7 @@ use super::own_gateway::{DriveArgs, Extra, OwnGateway};
 use super::setup::table;
 use super::{Failure, log::complain, print, socket};
 use crate::config;
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use crate::domain::ids::Name;
 use diff::{Difference, differences};
 use file::Dump;

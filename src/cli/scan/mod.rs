@@ -20,7 +20,7 @@ use crate::daemon::scan::ADVICE;
 use crate::daemon::scan::asker::PortAsker;
 use crate::daemon::scan::plan::{self, Plan, ScanOptions, setting_text};
 use crate::daemon::scan::survey::{Event, Findings, survey};
-use crate::daemon::service::run::told_to_end;
+use crate::daemon::service::signals::told_to_end;
 use crate::domain::calendar;
 use crate::domain::link::LinkSettings;
 use report::{Scan, model_text};

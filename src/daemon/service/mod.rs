@@ -11,5 +11,6 @@ pub mod own_lock;
 pub mod reload;
 pub mod reload_request;
 pub mod run;
+pub mod signals;
 pub(super) mod stall;
 pub mod start_error;

@@ -17,6 +17,7 @@ use crate::daemon::service::north_sides::NorthSides;
 use crate::daemon::service::notify;
 use crate::daemon::service::reload::{Gateway, Load, Loader};
 use crate::daemon::service::reload_request::{Refusal, Reloaded, Reloads};
+use crate::daemon::service::signals::told_to_end;
 use crate::daemon::service::start_error::StartError;
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
@@ -271,22 +272,6 @@ async fn end(gateway: Gateway) -> Lines {
     alive.abort();
     drop(broker);
     lines
-}
-
-/// Handles SIGINT and SIGTERM from now on; the future waits for the first of them. Must be called on a runtime, before
-/// the first output: a parent process that sees that may send a signal at once.
-///
-/// # Errors
-/// The system's refusal to install the handlers.
-pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
-    let mut interrupt = signal(SignalKind::interrupt())?;
-    let mut terminate = signal(SignalKind::terminate())?;
-    Ok(async move {
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-        }
-    })
 }
 
 /// The gateway's name: as configured, or the host's as far as it is valid in a topic.
