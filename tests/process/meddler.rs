@@ -27,6 +27,8 @@ pub enum Way {
     ResetBefore,
     /// None arrives.
     Swallowed,
+    /// The connection ends behind each.
+    ClosedBehind,
 }
 
 /// The way.
@@ -204,6 +206,7 @@ fn pass_answers(mut server: TcpStream, mut client: &TcpStream, shared: &Shared, 
             Way::Twice => client.write_all(&[answer.clone(), answer].concat())?,
             Way::Swapped if count % 3 == 0 && held.is_none() => held = Some(answer),
             Way::Swallowed => {}
+            Way::ClosedBehind => return client.write_all(&answer),
             _ => {
                 let both = [answer, held.take().unwrap_or_default()].concat();
                 client.write_all(&both)?;

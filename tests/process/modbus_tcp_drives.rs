@@ -184,6 +184,22 @@ fn nothing_that_happens_on_the_way_gives_a_wrong_value_or_a_second_run() {
 }
 
 #[test]
+fn a_server_that_closes_after_each_reply_is_no_lost_line() {
+    let plant = Plant::new();
+    plant.meddler.goes(Way::ClosedBehind);
+    let mut client = Raw::connect(plant.gateway.address);
+    no_value_is_wrong(&mut client, Way::ClosedBehind, 100);
+    starts_and_stops(&mut client);
+    no_value_is_wrong(&mut client, Way::ClosedBehind, 100);
+    let said = plant.gateway.program.text();
+    let times = |part: &str| said.matches(part).count();
+    assert_eq!((times("line down"), times("drive offline")), (0, 0), "{said}");
+    assert_eq!(times("server closes the connection after each reply"), 1, "{said}");
+    assert_eq!(plant.meddler.written(N700_RUN).iter().filter(|word| **word == 1).count(), 1);
+    assert_eq!(plant.meddler.most_connections(), 1, "the old connection is closed before a new one is opened");
+}
+
+#[test]
 fn a_stop_that_is_given_while_answers_are_swallowed_arrives_and_is_confirmed_later() {
     let plant = Plant::new();
     let mut client = Raw::connect(plant.gateway.address);

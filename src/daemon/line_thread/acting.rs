@@ -70,11 +70,8 @@ impl LineTask<'_> {
         while let Some(effect) = self.core.next_effect() {
             match effect {
                 Effect::Transmit(frame) => {
-                    if let Some(device) = &mut device
-                        && self.core.may_transmit(clock::now())
-                    {
-                        device.write_frame(&frame)?;
-                        self.core.transmitted(clock::now());
+                    if let Some(device) = &mut device {
+                        self.transmit(device, frame)?;
                     }
                 }
                 Effect::Reopen(fault) => self.to_reopen = Some(fault),

@@ -4,6 +4,7 @@
 //! starts on top of bytes that have just arrived; let the core decide; act.
 
 mod acting;
+mod connection;
 mod memory;
 mod opening;
 mod serving;
@@ -23,6 +24,7 @@ use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, LineSetup};
 use crate::journal::Remembered;
+use connection::Connection;
 pub use memory::Memory;
 use opening::LoggedFaults;
 use std::io;
@@ -232,6 +234,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
             is_hurried: false,
             leaving: None,
             to_reopen: None,
+            connection: Connection::default(),
         };
         line.serve().await
     });
@@ -264,6 +267,8 @@ struct LineTask<'a> {
     leaving: Option<oneshot::Sender<Vec<DriveIndex>>>,
     /// The core wants the port reopened.
     to_reopen: Option<LineFault>,
+    /// The connection to a Modbus TCP server.
+    connection: Connection,
     board: Board,
 }
 

@@ -76,7 +76,8 @@ impl LineTask<'_> {
             self.to_reopen = None;
             self.announce(&mut uptime, &device);
             self.core.handle(uptime.since, Input::PortUp(device.kind()));
-            let left = self.serve_port(&mut device, &mut uptime).await;
+            self.connection.opened(self.core.counters().replies);
+            let left = self.serve_port(&mut device, &mut opener, &mut uptime).await;
             let fault = match left {
                 Ok(Left::Closed) => return Ok(()),
                 Ok(Left::ToReopen(fault)) => {

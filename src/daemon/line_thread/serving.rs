@@ -2,7 +2,7 @@
 
 use super::LineTask;
 use crate::daemon::host::clock;
-use crate::daemon::port::Port;
+use crate::daemon::port::{Opener, Port};
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, Wake, WakeReason};
@@ -88,11 +88,17 @@ impl LineTask<'_> {
     }
 
     /// Serves an open port until it is lost, is to be reopened, or the thread is to exit.
-    pub(super) async fn serve_port(&mut self, device: &mut Port, uptime: &mut Uptime) -> io::Result<Left> {
+    pub(super) async fn serve_port(
+        &mut self,
+        device: &mut Port,
+        opener: &mut Opener<'_>,
+        uptime: &mut Uptime,
+    ) -> io::Result<Left> {
         let mut buffer = [0; 512];
         let mut has_more = false;
         loop {
             self.act(Some(device))?;
+            self.send_over_another(device, opener).await?;
             self.look_after(uptime, device);
             if self.is_over() {
                 return Ok(Left::Closed);
@@ -104,16 +110,33 @@ impl LineTask<'_> {
                 let ends_silence = wake.reason == WakeReason::SilentInterval;
                 self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
             }
-            if has_more {
-                tokio::time::sleep(FLOOD_PAUSE).await;
-            } else if !self.reply_comes_at_once(device, &mut buffer)? {
-                self.wait(|cx| device.poll_readable(cx)).await.transpose()?;
-            }
-            self.watch_the_silence_end();
-            self.take_messages();
-            has_more = self.drain(device, &mut buffer)?;
+            has_more = match self.hear(device, &mut buffer, has_more).await {
+                Err(error) if self.is_only_closed(&error) => {
+                    self.let_go(device);
+                    false
+                }
+                heard => heard?,
+            };
             self.core.handle(clock::now(), Input::Time);
+            self.close_after_reply(device);
         }
+    }
+
+    /// Waits until something happens, and takes messages and bytes. Returns whether there may be more bytes.
+    async fn hear(&mut self, device: &mut Port, buffer: &mut [u8], has_more: bool) -> io::Result<bool> {
+        let waited = if has_more {
+            tokio::time::sleep(FLOOD_PAUSE).await;
+            Ok(())
+        } else {
+            match self.reply_comes_at_once(device, buffer) {
+                Ok(false) => self.wait(|cx| device.poll_readable(cx)).await.transpose().map(drop),
+                looked => looked.map(drop),
+            }
+        };
+        self.watch_the_silence_end();
+        self.take_messages();
+        waited?;
+        self.drain(device, buffer)
     }
 
     /// On a line without character times: polls for the reply for a moment, yielding to other threads. Returns whether

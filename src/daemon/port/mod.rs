@@ -54,6 +54,8 @@ pub enum Port {
     Serial(SerialPort),
     /// A connection.
     Tcp(TcpPort),
+    /// No connection to a Modbus TCP server, which closed the last one: the next frame makes another one.
+    Parked,
 }
 
 /// Why a port could not be opened.
@@ -121,7 +123,7 @@ impl Port {
     pub const fn kind(&self) -> PortKind {
         match self {
             Self::Serial(port) => port.kind(),
-            Self::Tcp(_) => PortKind::Virtual,
+            Self::Tcp(_) | Self::Parked => PortKind::Virtual,
         }
     }
 
@@ -130,8 +132,19 @@ impl Port {
     pub fn remark(&self) -> Option<&str> {
         match self {
             Self::Serial(port) => port.remark(),
-            Self::Tcp(_) => None,
+            Self::Tcp(_) | Self::Parked => None,
         }
+    }
+
+    /// Whether there is no connection until the next frame.
+    #[must_use]
+    pub const fn is_parked(&self) -> bool {
+        matches!(self, Self::Parked)
+    }
+
+    /// Closes it until the next frame.
+    pub fn park(&mut self) {
+        *self = Self::Parked;
     }
 
     /// Ready once bytes have arrived since the last time. The caller then reads with [`Port::read_now`] until it is
@@ -140,6 +153,7 @@ impl Port {
         match self {
             Self::Serial(port) => port.poll_readable(cx),
             Self::Tcp(port) => port.poll_readable(cx),
+            Self::Parked => Poll::Pending,
         }
     }
 
@@ -152,6 +166,7 @@ impl Port {
         let read = match self {
             Self::Serial(port) => port.read(buffer),
             Self::Tcp(port) => port.read(buffer),
+            Self::Parked => return Ok(None),
         };
         match read {
             Ok(bytes) => Ok(Some(bytes)),
@@ -169,6 +184,7 @@ impl Port {
         match self {
             Self::Serial(port) => port.write_frame(frame),
             Self::Tcp(port) => all_of(frame, port.write(frame)?),
+            Self::Parked => Err(io::ErrorKind::NotConnected.into()),
         }
     }
 }
