@@ -191,6 +191,8 @@ mod node_red;
 mod overseeing;
 #[path = "process/owning.rs"]
 mod owning;
+#[path = "process/packet_limit.rs"]
+mod packet_limit;
 #[path = "process/page_control.rs"]
 mod page_control;
 #[path = "process/pictures.rs"]

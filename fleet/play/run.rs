@@ -15,7 +15,7 @@ use tokio::time::sleep;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::daemon::host::descriptors;
 use vfd_gateway::daemon::mqtt::Keeps;
-use vfd_gateway::daemon::service::run::told_to_end;
+use vfd_gateway::daemon::service::signals::told_to_end;
 use vfd_gateway::domain::time::MonoTime;
 
 /// How often the progress is checked.

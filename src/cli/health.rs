@@ -37,7 +37,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Prints a line for each line and drive, and fails unless the gateway is ready; or fails unless it is alive, or active.
+/// Prints a line for each line and drive, and fails unless the gateway is ready and has read something of each drive; or fails unless it is alive, or active.
 pub fn health(args: &Args) -> Result<(), Failure> {
     let place = match &args.url {
         Some(url) => HealthSource::Url(Url::new(url)?),
@@ -53,7 +53,21 @@ pub fn health(args: &Args) -> Result<(), Failure> {
         return print(&format!("{}\n", active(&health).map_err(failed)?));
     }
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
-    if health["ready"] == true { Ok(()) } else { Err(failed("not ready".to_owned())) }
+    match &never_read(&health)[..] {
+        _ if health["ready"] != true => Err(failed("not ready".to_owned())),
+        [] => Ok(()),
+        drives => Err(failed(format!("nothing was ever read of {}", drives.join(", ")))),
+    }
+}
+
+/// The drives of which nothing was read since the start, on lines on which this gateway sends.
+fn never_read(health: &Value) -> Vec<&str> {
+    let items = |key: &str| health[key].as_array().into_iter().flatten();
+    let listens = |drive: &Value| {
+        items("lines").any(|line| line["name"] == drive["line"] && line["standby"]["role"] == "listening")
+    };
+    let unread = items("drives").filter(|drive| drive["was_read"] == false && !listens(drive));
+    unread.map(|drive| drive["name"].as_str().unwrap_or("?")).collect()
 }
 
 /// Where the gateway is reached.
@@ -169,6 +183,20 @@ fn line_row(line: &Value) -> String {
     format!("line {}: {}{role}{}{suspicion}\n", word("name"), state_of(word("state"), &["up"]), reason_of(line))
 }
 
+/// What `side` does not publish because it is larger than the broker takes, a line each.
+fn oversized(side: &str, health: &Value) -> String {
+    /// Lines that are shown.
+    const LINES_MAX: usize = 8;
+    let all = health["oversized"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let line = |it: &Value| {
+        let topic = it["topic"].as_str().unwrap_or("?");
+        format!("{side}: {topic} is not published: {} bytes, and the broker takes {}\n", it["bytes"], it["limit"])
+    };
+    let more = all.len().saturating_sub(LINES_MAX);
+    let more = if more > 0 { format!("{side}: and {more} more\n") } else { String::new() };
+    all.iter().take(LINES_MAX).map(line).chain([more]).collect()
+}
+
 /// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &Value) -> String {
     fn word<'a>(of: &'a Value, key: &str) -> &'a str {
@@ -209,6 +237,14 @@ fn report(health: &Value) -> String {
             "mqtt: {}{lost}{rival}",
             state_of(if connected { "connected" } else { "not connected" }, &["connected"])
         );
+        text.push_str(&oversized("mqtt", &health["mqtt"]));
+        if let Some(topic) = health["mqtt"]["clients_gone"].as_str() {
+            let _ = writeln!(
+                text,
+                "mqtt: {topic} says that the clients of the broker are offline: what MQTT holds is given up after \
+                 `lost_after`"
+            );
+        }
         if let Some(refused) = health["mqtt"]["events_refused"].as_u64().filter(|refused| *refused > 0) {
             let _ = writeln!(text, "mqtt: the broker refused {refused} trip events; see the log");
         }
@@ -216,17 +252,24 @@ fn report(health: &Value) -> String {
     if let Some(connected) = health["sparkplug"]["connected"].as_bool() {
         let state = match (connected, health["sparkplug"]["host_awaited"] == true) {
             (true, _) => "published to its hosts",
+            (false, true) if health["sparkplug"]["host_behind_ms"].is_u64() => {
+                "waits for its primary host, whose STATE message is older than one before: its clock was ahead"
+            }
             (false, true) => "waits for its primary host",
             (false, false) => "not connected",
         };
         let state = state_of(state, &["published to its hosts"]);
         let _ = writeln!(text, "sparkplug: {state}{}", reason_of(&health["sparkplug"]));
+        text.push_str(&oversized("sparkplug", &health["sparkplug"]));
     }
     if let Some(state) = health["journal"]["state"].as_str() {
         let state = state_of(state, &["ok"]);
         let _ = writeln!(text, "journal: {state}{}", reason_of(&health["journal"]));
         if let Some(aside) = health["journal"]["moved_aside"].as_str() {
             let _ = writeln!(text, "journal: a damaged journal was moved to {aside}");
+        }
+        if let Some(what) = health["journal"]["replaced"].as_str() {
+            let _ = writeln!(text, "journal: {what}");
         }
     }
     text
@@ -269,6 +312,26 @@ mod tests {
             let found = active(&serde_json::json!({ "lines": lines }));
             assert_eq!(found, told.map(str::to_owned).map_err(str::to_owned), "{lines:?}");
         }
+    }
+
+    #[test]
+    fn a_drive_of_which_nothing_was_ever_read_is_named_unless_this_gateway_only_listens() {
+        let lines = [line("a", "up", Some("active")), line("b", "up", Some("listening"))];
+        let drive = |name: &str, line: &str, was_read: bool| serde_json::json!({ "name": name, "line": line, "was_read": was_read });
+        let old = serde_json::json!({ "name": "of an earlier version", "line": "a" });
+        let drives = [drive("one", "a", true), drive("two", "a", false), drive("three", "b", false), old];
+        assert_eq!(never_read(&serde_json::json!({ "lines": lines, "drives": drives })), ["two"]);
+        assert_eq!(never_read(&serde_json::json!({})), [""; 0]);
+    }
+
+    #[test]
+    fn what_is_too_large_for_the_broker_is_named_with_size_and_limit() {
+        let one = |n: u32| serde_json::json!({ "topic": format!("vfd/a/{n}"), "bytes": 2500, "limit": 2000 });
+        let health = serde_json::json!({ "mqtt": { "connected": true, "oversized": [one(1)] } });
+        let shown = report(&health);
+        assert!(shown.contains("mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"), "{shown}");
+        let many: Vec<_> = (0..11).map(one).collect();
+        assert!(oversized("mqtt", &serde_json::json!({ "oversized": many })).ends_with("mqtt: and 3 more\n"));
     }
 
     #[test]

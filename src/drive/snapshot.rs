@@ -67,6 +67,12 @@ impl DriveSnapshot {
         self.readings.get(place).map(|(_, reading)| *reading)
     }
 
+    /// Whether anything was ever read.
+    #[must_use]
+    pub const fn has_readings(&self) -> bool {
+        !self.readings.is_empty()
+    }
+
     /// The value of `register` from the last readings; `None` if a word that it needs has not been read, if its two
     /// words are not from one reply, or if another register holds what the model gives no meaning.
     #[must_use]

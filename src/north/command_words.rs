@@ -86,12 +86,18 @@ pub fn short(text: &str) -> String {
     short
 }
 
+/// `payload` without the byte order mark that some editors and languages write before text.
+#[must_use]
+pub fn without_mark(payload: &[u8]) -> &[u8] {
+    payload.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(payload)
+}
+
 /// The JSON object in `payload`; `example` is shown to people.
 ///
 /// # Errors
 /// `payload` is not a JSON object.
 pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refused> {
-    match serde_json::from_slice(payload) {
+    match serde_json::from_slice(without_mark(payload)) {
         Ok(Value::Object(object)) => Ok(object),
         Ok(_) => Err(not_understood(format!("a JSON object was expected, such as {example}"))),
         Err(error) => Err(not_understood(format!("invalid JSON ({error}); right is, for example, {example}"))),
@@ -151,13 +157,13 @@ fn pairs_below(value: &Value) -> usize {
 pub const STOP_WITHIN_BYTES: usize = 8 * 1024;
 
 /// The stop that `payload` orders, whatever else it contains and whether or not it is complete JSON: the word of a
-/// `run` of its object, of any of them if there are several. Only the first bytes are searched.
+/// `run` of its object, of any of them if there are several, or the word alone. Only the first bytes are searched.
 #[must_use]
 pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
     let payload = payload.get(..STOP_WITHIN_BYTES).unwrap_or(payload);
-    let mut rest = payload.trim_ascii_start();
+    let mut rest = without_mark(payload).trim_ascii_start();
     if rest.first() != Some(&b'{') {
-        return None;
+        return stop_alone(rest.trim_ascii_end());
     }
     let mut depth = 0_usize;
     let mut found = None;
@@ -187,6 +193,12 @@ pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
         rest = after;
     }
     found
+}
+
+/// The stop that `word` is, with or without quotes.
+fn stop_alone(word: &[u8]) -> Option<RunWord> {
+    let word = text_of(word).or_else(|| std::str::from_utf8(word).ok().map(str::to_owned))?;
+    run_word(&word).ok().filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
 }
 
 /// The quoted text that `bytes` begin with, including quotes, and what follows; `None` if it does not end.
@@ -296,10 +308,17 @@ mod tests {
             r#"{"run":"stop"} x"#,
             r#"{"run":"stop","x":"#,
             r#"{"run":"stop","x":"not ended"#,
+            "\u{FEFF}{\"run\":\"stop\"}",
+            // The word alone, as on `run/set`.
+            "stop",
+            " STOP\n",
+            "\u{FEFF}stop",
+            r#""stop""#,
         ] {
             assert_eq!(stop_in(text.as_bytes()), Some(RunWord::Stop), "{text}");
         }
         assert_eq!(stop_in(br#"{"run":"coast","run":"forward"}"#), Some(RunWord::Coast));
+        assert_eq!(stop_in(b"coast"), Some(RunWord::Coast));
         assert_eq!(stop_in(b"{\"run\":\"stop\",\"x\":\"\xFF\"}"), Some(RunWord::Stop));
         let large = format!(r#"{{"run":"stop","x":"{}"}}"#, "x".repeat(1_000_000));
         assert_eq!(stop_in(large.as_bytes()), Some(RunWord::Stop));
@@ -308,11 +327,19 @@ mod tests {
     }
 
     #[test]
+    fn a_byte_order_mark_is_no_part_of_an_object() {
+        let read = object("\u{FEFF}{\"run\": \"forward\"}".as_bytes(), "{}").unwrap();
+        assert_eq!(run(&read), Ok(Some(RunWord::Run(Direction::Forward))));
+        assert!(object("{\u{FEFF}}".as_bytes(), "{}").is_err());
+    }
+
+    #[test]
     fn what_only_speaks_of_a_stop_is_none() {
         for text in [
             "",
-            "stop",
-            r#""stop""#,
+            "stop it",
+            "forward",
+            r#""stop"#,
             r#"["run","stop"]"#,
             r#"[{"run":"stop"}]"#,
             r#"{"run":"forward"}"#,

@@ -71,9 +71,12 @@ signs! {
     // The gateway.
     BrokerContested "broker_contested" Problem "another client uses the gateway's client identifier at the broker"
     BrokerUnreachable "broker_unreachable" Problem "the gateway has no connection to the broker"
+    Oversized "oversized" Hint "documents are not published, because they are larger than the broker takes"
+    ClientsGone "clients_gone" Hint "`alive_topic` says that the clients of the broker are offline, so what MQTT holds is given up"
     PartnerMissing "partner_missing" Problem "the other gateway of `[standby]` is not there, by its own words on MQTT"
     JournalBroken "journal_broken" Problem "the journal cannot be written"
     JournalMovedAside "journal_moved_aside" Hint "the journal was damaged; a new one was begun and the old one kept"
+    JournalReplaced "journal_replaced" Hint "the journal's file was deleted or replaced while the gateway ran"
     JournalRowsLost "journal_rows_lost" Hint "rows of the journal were lost since the start"
     SocketMissing "socket_missing" Problem "the program's own commands do not reach the gateway"
     // A line.

@@ -39,6 +39,8 @@ pub struct Wish<'a> {
     pub lost_after: &'a str,
     /// Who may publish and read what at the broker, as mosquitto reads it; anybody anything without.
     pub access: &'a str,
+    /// More lines of the broker's configuration.
+    pub broker: &'a str,
     /// The drive has no control section.
     pub read_only: bool,
     /// More keys of the drive's control section.
@@ -62,6 +64,7 @@ impl Wish<'_> {
         mqtt: "",
         lost_after: "",
         access: "",
+        broker: "",
         read_only: false,
         control: "",
         from: "",
@@ -100,7 +103,7 @@ impl Plant {
     pub fn prepared(wish: Wish<'_>, before: impl FnOnce(&Mosquitto)) -> Self {
         let place = Place::new();
         let port = place.file("line");
-        let broker = broker(&place, wish.access);
+        let broker = broker(&place, &wish);
         let drive = simulate(port.to_str().unwrap(), wish.simulate);
         before(&broker);
         std::fs::create_dir(place.file("data")).unwrap();
@@ -306,12 +309,13 @@ pub fn get(address: SocketAddr, path: &str) -> Option<(u16, String)> {
     Some((head.split(' ').nth(1)?.parse().ok()?, body.to_owned()))
 }
 
-fn broker(place: &Place, access: &str) -> Mosquitto {
-    if access.is_empty() {
-        return Mosquitto::start(&place.file(""));
-    }
-    let file = place.write("access", access);
-    Mosquitto::start_with(&place.file(""), &format!("acl_file {}\n", file.display()))
+fn broker(place: &Place, wish: &Wish<'_>) -> Mosquitto {
+    let access = if wish.access.is_empty() {
+        String::new()
+    } else {
+        format!("acl_file {}\n", place.write("access", wish.access).display())
+    };
+    Mosquitto::start_with(&place.file(""), &format!("{access}{}", wish.broker))
 }
 
 fn simulate(link: &str, more: &[&str]) -> Started {

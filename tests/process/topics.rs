@@ -9,8 +9,10 @@ use serde_json::Value;
 const TREE: &[(&str, u64)] = &[
     ("status", 1),
     ("info", 1),
+    ("drive/pump-1/info", 1),
     ("line/hall-1/status", 1),
     ("line/hall-1/stats", 0),
+    ("drive/pump-1/stats", 0),
     ("drive/pump-1/availability", 1),
     ("drive/pump-1/state", 0),
     ("drive/pump-1/frequency/output", 0),
@@ -29,7 +31,9 @@ fn a_subscriber_who_comes_late_finds_the_whole_tree_with_3_1_1_and_with_5() {
     plant = Plant::new();
     finds_the_tree(&plant);
     let info: Value = serde_json::from_str(&kept(&plant, "mqttv5", "info")).unwrap();
-    assert_eq!((&info["gateway"], &info["drives"][0]["model"]), (&"plant".into(), &"hyundai-n700".into()));
+    assert_eq!((&info["gateway"], &info["drives"][0]), (&"plant".into(), &"pump-1".into()));
+    let info: Value = serde_json::from_str(&kept(&plant, "mqttv5", "drive/pump-1/info")).unwrap();
+    assert_eq!(info["model"], "hyundai-n700");
     let state: Value = serde_json::from_str(&kept(&plant, "mqttv5", "drive/pump-1/state")).unwrap();
     assert_eq!(state["values"]["output_frequency"]["unit"], "Hz");
     assert_eq!(state["values"]["output_frequency"]["quality"], "good");

@@ -1,5 +1,6 @@
 //! What the north sides have counted since start, for health and metrics.
 
+use crate::north::broker::Oversized;
 use crate::north::modbus::Counters;
 use crate::north::modbus::serial::SlaveCounters;
 use crate::north::mqtt::Counters as Counts;
@@ -262,6 +263,10 @@ pub struct BrokerTotals<C> {
     contested: AtomicBool,
     /// Why there is no connection; `None` once the path was open.
     lost: Mutex<Option<String>>,
+    /// What is not published because it is larger than the broker takes.
+    oversized: Mutex<Vec<Oversized>>,
+    /// The topic that says that the clients of the broker are gone; `None` if it does not.
+    clients_gone: Mutex<Option<String>>,
 }
 
 impl<C: Copy> BrokerTotals<C> {
@@ -281,6 +286,34 @@ impl<C: Copy> BrokerTotals<C> {
     /// Sets why there is no connection, with the broker's address.
     pub fn set_lost(&self, reason: &str) {
         self.lost().replace(reason.to_owned());
+    }
+
+    /// Sets the topic that says that the clients of the broker are gone.
+    pub fn set_clients_gone(&self, topic: Option<&str>) {
+        let mut known = self.clients_gone.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.as_deref() != topic {
+            *known = topic.map(str::to_owned);
+        }
+    }
+
+    /// The topic that says that the clients of the broker are gone; `None` if it does not.
+    #[must_use]
+    pub fn clients_gone(&self) -> Option<String> {
+        self.clients_gone.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Sets what is not published because it is larger than the broker takes.
+    pub fn set_oversized(&self, oversized: &[Oversized]) {
+        let mut known = self.oversized.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.as_slice() != oversized {
+            *known = oversized.to_vec();
+        }
+    }
+
+    /// What is not published because it is larger than the broker takes.
+    #[must_use]
+    pub fn oversized(&self) -> Vec<Oversized> {
+        self.oversized.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Why there is no connection, with the broker's address; `None` if there is one, or if the first is being made.

@@ -4,6 +4,7 @@ use super::state::State;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
+use crate::north::broker::Oversized;
 use crate::north::shown::{self, presence, run_state, warning_text};
 use serde_json::{Value, json};
 
@@ -61,6 +62,7 @@ fn drive(drive: &SharedDrive, now: MonoTime) -> Value {
         "unit": description.unit.get(),
         "uniform_unit": description.uniform_unit.get(),
         "presence": presence(&view),
+        "was_read": view.snapshot.has_readings(),
         "run_state": run_state(&view).word(),
         "warning": warning_text(description, &view, now),
         "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
@@ -77,6 +79,8 @@ fn mqtt(state: &State) -> Value {
             "partner_online": mqtt.counters().partner_online,
             "events_waiting": mqtt.counters().events_waiting,
             "events_refused": mqtt.counters().events_refused,
+            "oversized": oversized(&mqtt.oversized()),
+            "clients_gone": mqtt.clients_gone(),
         })
     })
 }
@@ -88,9 +92,16 @@ fn sparkplug(state: &State) -> Value {
             "reason": sparkplug.lost_reason(),
             "contested": sparkplug.is_contested(),
             "host_awaited": sparkplug.counters().host_awaited > 0,
+            "host_behind_ms": sparkplug.counters().host_behind_ms,
+            "oversized": oversized(&sparkplug.oversized()),
             "history_waiting": sparkplug.counters().history_waiting,
         })
     })
+}
+
+fn oversized(all: &[Oversized]) -> Vec<Value> {
+    let one = |Oversized { topic, bytes, limit }: &Oversized| json!({ "topic": topic, "bytes": bytes, "limit": limit });
+    all.iter().map(one).collect()
 }
 
 fn socket(state: &State) -> Value {
@@ -106,6 +117,7 @@ fn journal(state: &State) -> Value {
         "state": report.state.word(),
         "reason": report.reason,
         "moved_aside": report.moved_aside,
+        "replaced": report.replaced,
         "rows": report.rows,
         "lost": report.lost,
         "attempts_lost": report.attempts_lost,

@@ -4,7 +4,7 @@ use super::counters::{Counters, count};
 use super::incident::{NotQueued, Terms, Unfit};
 use super::link::Sender;
 use super::window::Window;
-use crate::north::broker::{Filter, Publication};
+use crate::north::broker::{Filter, Publication, Qos};
 use tokio::time::Instant;
 
 /// What is known about an accepted connection.
@@ -13,9 +13,17 @@ pub struct Link {
     pub sender: Sender,
     pub window: Window,
     pub terms: Terms,
+    /// Larger publications go one at a time, and are acknowledged.
+    pub alone_above: Option<usize>,
 }
 
 impl Link {
+    /// Whether another packet may be queued.
+    pub fn has_room(&self) -> bool {
+        let waits = self.alone_above.is_some_and(|most| self.window.largest_given_bytes() > most);
+        self.window.has_room() && !waits
+    }
+
     /// Queues a publication. Returns false if it cannot be sent and was dropped.
     pub fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
         if let Err(unfit) = self.sender.check(&publication, &self.terms) {
@@ -37,10 +45,14 @@ impl Link {
         }
         // A broker without retained messages closes the connection of a client that requests them.
         publication.retain &= self.terms.broker.retains;
+        let bytes = self.sender.packet_bytes(&publication);
+        if self.alone_above.is_some_and(|most| bytes > most) {
+            publication.qos = Qos::AtLeastOnce;
+        }
         let qos = publication.qos;
         let token = publication.token;
         self.sender.publish(publication)?;
-        self.window.queue_publication(qos, token);
+        self.window.queue_publication(qos, token, bytes);
         Ok(true)
     }
 

@@ -5,6 +5,7 @@
 //! that is full, the talk is not asked for more.
 
 mod farewell;
+mod limits;
 mod rivals;
 mod wanted;
 
@@ -12,6 +13,7 @@ use super::accepted::Link;
 use super::counters::{Counters, count};
 use super::incident::{Broken, CONNECT_TIMEOUT, Incident, NotQueued, Received, Terms};
 use super::link::{self, Events};
+use super::packet_limit::PacketLimit;
 use super::retry::Retry;
 use super::settings::ConnectionSettings;
 use super::window::Window;
@@ -52,7 +54,9 @@ pub async fn converse<T: Protocol>(
     let retry = Retry::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
     let turns = Turns::new(clock::now());
     let heard = Instant::now();
-    let mut client = Client { settings, talk, bell, counters, retry, turns, heard, listens_until: None, link: None };
+    let limit = PacketLimit::default();
+    let mut client =
+        Client { settings, talk, bell, counters, retry, limit, turns, heard, listens_until: None, link: None };
     let mut last_reason = String::new();
     loop {
         if client.stops_unwanted(stop.as_mut()).await {
@@ -92,6 +96,8 @@ struct Client<'a, T> {
     bell: &'a Notify,
     counters: &'a Counters,
     retry: Retry,
+    /// What is known of the largest packet that the broker takes.
+    limit: PacketLimit,
     turns: Turns,
     /// When the broker last sent something, or could next have done so.
     heard: Instant,
@@ -154,7 +160,7 @@ impl<T: Protocol> Client<'_, T> {
                 let next = pin!(events.next());
                 self.attend(next, Some(patience), stop.as_mut()).await
             };
-            let incident = match outcome {
+            let mut incident = match outcome {
                 Outcome::Done(Ok(incident)) => incident,
                 Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
                 Outcome::GivenUp(how) => return self.give_up(&mut events, how).await,
@@ -168,11 +174,12 @@ impl<T: Protocol> Client<'_, T> {
                 let reason = format!("the broker breaks the protocol: {what}");
                 return self.abandon(&mut events, Broken::because(reason));
             }
-            if let Incident::Connected(terms) = incident {
-                patience = self.patience(&terms);
-                let since = Instant::now();
-                let window = Window::default();
-                self.link = sender.take().map(|sender| Link { since, sender, window, terms });
+            if let Incident::Connected(terms) = &mut incident {
+                self.limit.apply(terms);
+                patience = self.patience(terms);
+                let (terms, since, window) = (*terms, Instant::now(), Window::default());
+                let alone_above = self.limit.alone_above();
+                self.link = sender.take().map(|sender| Link { since, sender, window, terms, alone_above });
             }
             self.take(incident);
             self.settle();
@@ -245,7 +252,7 @@ impl<T: Protocol> Client<'_, T> {
     fn next_wake(&self) -> Instant {
         let wake = self.talk.borrow().next_wake();
         // Due packets cannot be sent before the broker has taken some, and stay due.
-        let is_full = self.listens() || self.link.as_ref().is_some_and(|link| !link.window.has_room());
+        let is_full = self.listens() || self.link.as_ref().is_some_and(|link| !link.has_room());
         let least = if is_full { LOOK_WHILE_FULL } else { Duration::ZERO };
         wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).clamp(least, LONG))
     }
@@ -256,7 +263,7 @@ impl<T: Protocol> Client<'_, T> {
         if self.listens() {
             return None;
         }
-        while self.link.as_ref().is_none_or(|link| link.window.has_room()) {
+        while self.link.as_ref().is_none_or(Link::has_room) {
             let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
                 tracing::debug!(?packet, "no connection to the broker; packet dropped");
@@ -296,13 +303,17 @@ impl<T: Protocol> Client<'_, T> {
             Incident::Subscribed(granted) => self.tell(Event::Subscribed(granted)),
             Incident::Message(message) => self.receive(&message),
             Incident::Acknowledged(identifier) => {
-                if let Some(token) = window.and_then(|window| window.settle(identifier)) {
+                let settled = window.map(|window| window.settle(identifier)).unwrap_or_default();
+                self.took(settled.taken_bytes);
+                if let Some(token) = settled.token {
                     self.tell(Event::Acknowledged(token));
                 }
             }
             Incident::Refused(identifier, refusal, reason) => {
                 count(&self.counters.refused);
-                let token = window.and_then(|window| window.settle(identifier));
+                let settled = window.map(|window| window.settle(identifier)).unwrap_or_default();
+                self.took(settled.taken_bytes);
+                let token = settled.token;
                 tracing::warn!(reason, ?token, "broker refused a publication");
                 if let Some(token) = token {
                     self.tell(Event::Refused(token, refusal));
@@ -341,7 +352,7 @@ impl<T: Protocol> Client<'_, T> {
             self.tell(Event::Stalled(Duration::MAX));
         }
         rest.into_iter().filter(|it| !matches!(it, Incident::Connected(_))).for_each(|it| self.take(it));
-        self.link = None;
+        let broken = self.judged(broken);
         self.listens_until = None;
         if life.is_some() {
             self.tell(Event::Lost);

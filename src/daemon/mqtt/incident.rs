@@ -108,6 +108,8 @@ pub enum Cause {
     Gone,
     /// It reports that another client has our identifier.
     TakenOver,
+    /// It reports that a packet was larger than it takes.
+    TooLarge,
     /// No conclusion.
     Other,
 }

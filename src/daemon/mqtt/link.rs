@@ -62,11 +62,15 @@ impl Sender {
         if publication.topic.is_empty() || !rumqttc::valid_topic(&publication.topic) {
             return Err(Unfit::Topic);
         }
-        let bytes = match self {
+        if self.packet_bytes(publication) > terms.packet_max { Err(Unfit::TooLarge) } else { Ok(()) }
+    }
+
+    /// Bytes of a publication on the wire.
+    pub fn packet_bytes(&self, publication: &Publication) -> usize {
+        match self {
             Self::V4(_) => v4::packet_bytes(publication),
             Self::V5(_) => v5::packet_bytes(publication),
-        };
-        if bytes > terms.packet_max { Err(Unfit::TooLarge) } else { Ok(()) }
+        }
     }
 
     /// Queues a publication.

@@ -13,6 +13,7 @@ mod counters;
 mod exchange;
 mod incident;
 mod link;
+mod packet_limit;
 mod reason;
 mod retry;
 mod settings;

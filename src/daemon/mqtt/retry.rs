@@ -57,7 +57,7 @@ impl Retry {
             (Some(_), _) if !self.may_be_restarts(rival) => Ended::Contested(life.unwrap_or_default()),
             (Some(_), _) => Ended::Suspected(life.unwrap_or_default()),
             (None, None) if broken.cause == Cause::Gone => Ended::Away,
-            (None, Some(life)) if broken.cause == Cause::Gone => Ended::Closed(life),
+            (None, Some(life)) if matches!(broken.cause, Cause::Gone | Cause::TooLarge) => Ended::Closed(life),
             (None, _) => Ended::Broken(life.unwrap_or_default()),
         };
         if ended == Ended::Away {
@@ -155,6 +155,15 @@ mod tests {
         }
         assert!(!retry.is_settled(SECOND * 59), "short lives speak for it as well");
         assert!(retry.is_settled(SECOND * 60));
+    }
+
+    #[test]
+    fn a_packet_that_is_too_large_is_no_rival_and_the_next_connection_comes_at_once() {
+        let mut retry = Retry::new(5);
+        for _ in 0..30 {
+            let next = ends(&mut retry, Cause::TooLarge, Some(0));
+            assert!(next.rival.is_none() && next.wait < SECOND, "{next:?}");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::broker::{Event, LineState, Publication, ToLine};
+use crate::north::broker::{Event, LineState, Oversized, Publication, ToLine};
 use crate::north::clock::Moment;
 use crate::north::mqtt::{Act, Session, Settings};
 use std::sync::Arc;
@@ -141,7 +141,12 @@ impl Speaker {
         }
     }
 
-    fn count(&self, at: Moment) {
+    fn count(&mut self, at: Moment) {
+        while let Some(Oversized { topic, bytes, limit }) = self.session.next_oversized() {
+            tracing::warn!(topic, bytes, limit, "publication is larger than the broker takes; it is not published");
+        }
+        self.totals.set_oversized(self.session.oversized());
+        self.totals.set_clients_gone(self.session.clients_gone());
         self.totals.set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
@@ -166,7 +171,16 @@ impl Protocol for Speaker {
         }
         let is_answer = matches!(event, Event::Subscribed(_));
         let given_up = self.session.counters().events_refused;
+        let were_gone = self.session.clients_gone().is_some();
         self.session.handle(at, event);
+        match self.session.clients_gone() {
+            Some(topic) if !were_gone => tracing::warn!(
+                topic,
+                "alive topic says that the clients of the broker are offline; what MQTT holds is given up after `lost_after`"
+            ),
+            None if were_gone => tracing::info!("clients of the broker are online again by the alive topic"),
+            _ => {}
+        }
         if self.session.counters().events_refused > given_up {
             tracing::error!("broker refused a trip event; no subscriber receives it");
         }

@@ -200,6 +200,10 @@ fn broken(error: &ConnectionError) -> Broken {
             reason_code: DisconnectReasonCode::SessionTakenOver,
             ..
         }) => Cause::TakenOver,
+        ConnectionError::MqttState(StateError::ServerDisconnect {
+            reason_code: DisconnectReasonCode::PacketTooLarge,
+            ..
+        }) => Cause::TooLarge,
         ConnectionError::MqttState(StateError::ConnectionAborted) => Cause::Gone,
         _ if is_io => Cause::Gone,
         _ => Cause::Other,

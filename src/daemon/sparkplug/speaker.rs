@@ -13,7 +13,7 @@ use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::broker::{Event, LineState, Publication, ToLine};
+use crate::north::broker::{Event, LineState, Oversized, Publication, ToLine};
 use crate::north::clock::Moment;
 use crate::north::sparkplug::{Act, Session, Settings};
 use std::sync::Arc;
@@ -131,7 +131,11 @@ impl Speaker {
         }
     }
 
-    fn count(&self, at: Moment) {
+    fn count(&mut self, at: Moment) {
+        while let Some(Oversized { topic, bytes, limit }) = self.session.next_oversized() {
+            tracing::warn!(topic, bytes, limit, "publication is larger than the broker takes; it is not published");
+        }
+        self.sides.totals.set_oversized(self.session.oversized());
         self.sides.totals.set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
@@ -165,7 +169,16 @@ impl Protocol for Speaker {
 
     fn handle(&mut self, at: Moment, event: Event<'_>) {
         self.follow();
+        let was_behind = self.session.counters().host_behind_ms;
         self.session.handle(at, event);
+        let behind_ms = self.session.counters().host_behind_ms;
+        if let Some(behind_ms) = behind_ms.filter(|_| behind_ms != was_behind) {
+            tracing::warn!(
+                behind_ms,
+                "primary host is online by a STATE message that is older than one before: its clock was ahead; the message \
+                 does not count"
+            );
+        }
         self.pass_inward();
         self.count(at);
     }

@@ -3,6 +3,7 @@
 
 mod commands;
 mod issued;
+mod oversized;
 mod path;
 mod types;
 
@@ -11,6 +12,8 @@ pub(in crate::north) use commands::ATTEMPTS_MAX;
 pub use commands::ToLine;
 pub(in crate::north) use commands::{Commands, NewCommand, NewRead, Pending, Request, outside_limits, tried_by};
 pub(in crate::north) use issued::Issued;
+pub use oversized::Oversized;
+pub(in crate::north) use oversized::OversizedTopics;
 pub use path::unnoticed;
 pub(in crate::north) use path::{Path, Returned};
 pub use types::{Broker, Event, Filter, LineState, Message, Publication, Qos, Refusal, Version};

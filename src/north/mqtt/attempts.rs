@@ -14,9 +14,9 @@ impl Session {
     }
 }
 
-/// What a payload that is no order attempts at `place`.
+/// What a payload that is no order attempts at `place`; an empty one attempts nothing.
 pub(super) fn of_text(place: InputAddress<'_>, topic: &str, payload: &[u8]) -> Option<Tried> {
-    place.input.is_attempt().then(|| text(topic, payload))
+    (place.input.is_attempt() && !payload.is_empty()).then(|| text(topic, payload))
 }
 
 /// A message that is no order, as received, shortened: the last levels of its topic, and its payload.

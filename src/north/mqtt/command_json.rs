@@ -204,7 +204,7 @@ mod tests {
         let table = [
             ("", NotUnderstood),
             ("[]", NotUnderstood),
-            ("\"stop\"", NotUnderstood),
+            ("\"go\"", NotUnderstood),
             ("{}", NotUnderstood),
             ("{\"run\":\"forward\"", NotUnderstood),
             (r#"{"run":"forward"} x"#, NotUnderstood),

@@ -56,7 +56,7 @@ fn refused(reason: &str) -> (String, String) {
 #[test]
 fn each_input_becomes_its_order() {
     let acceleration = RegisterWrite::new(0x020C_u16, 105);
-    let table: [(&str, &[u8], Order); 9] = [
+    let table: [(&str, &[u8], Order); 14] = [
         ("run/set", b"forward", go(vec![], None, Some(Direction::Forward))),
         ("run/set", b" STOP ", STOP),
         ("run/set", b"coast", Order::Coast),
@@ -64,6 +64,13 @@ fn each_input_becomes_its_order() {
         ("trip/reset", b"reset", Order::Reset),
         ("control/take", b"take", Order::Take),
         ("lease", b"", Order::Renew),
+        // With a byte order mark, as some editors and languages write it.
+        ("command", b"\xEF\xBB\xBF{\"run\":\"reverse\"}", go(vec![], None, Some(Direction::Reverse))),
+        ("run/set", b"\xEF\xBB\xBFforward", go(vec![], None, Some(Direction::Forward))),
+        ("frequency/set", b"\xEF\xBB\xBF42.5", go(vec![], Some(42_500), None)),
+        // A stop is taken as the word alone.
+        ("command", b"stop", STOP),
+        ("command", b" \"Coast\"\n", Order::Coast),
         ("param/acceleration_time/set", b"10.5", go(vec![acceleration], None, None)),
         ("command", br#"{"frequency_hz":5,"param":{"F007":10.5}}"#, go(vec![acceleration], Some(5_000), None)),
     ];
@@ -235,7 +242,7 @@ fn a_retained_stop_is_live_with_version_5_and_a_replay_before() {
 #[test]
 fn bad_payloads_give_one_result_and_no_command() {
     let large = vec![b'1'; 5_000_000];
-    let table: [(&str, &[u8], &str); 18] = [
+    let table: [(&str, &[u8], &str); 24] = [
         ("drive/pump/run/set", b"start", "not_understood"),
         ("drive/pump/run/set", b"\xFF\xFE", "not_understood"),
         ("drive/pump/frequency/set", b"NaN", "not_a_number"),
@@ -254,6 +261,13 @@ fn bad_payloads_give_one_result_and_no_command() {
         ("drive/pumb/run/set", b"stop", "unknown_drive"),
         ("all/run/set", b"forward", "not_understood"),
         ("all/run/set", &large, "too_large"),
+        // Nothing, where only a retained message of nothing clears a topic.
+        ("drive/pump/run/set", b"", "not_understood"),
+        ("drive/pump/frequency/set", b"", "not_understood"),
+        ("drive/pump/command", b"", "not_understood"),
+        ("drive/pump/control/take", b"", "not_understood"),
+        ("by/plc-2/drive/pump/trip/reset", b"", "not_understood"),
+        ("all/run/set", b"", "not_understood"),
     ];
     for (input, payload, reason) in table {
         let mut rig = Rig::born(Version::V5);

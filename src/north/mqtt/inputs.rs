@@ -15,7 +15,7 @@ use crate::domain::problem::nearest;
 use crate::journal::Tried;
 use crate::north::broker::{Message, Returned, Version, tried_by};
 use crate::north::clock::Moment;
-use crate::north::command_words::beside_a_stop;
+use crate::north::command_words::{beside_a_stop, without_mark};
 
 /// Why a command is refused while its time in transit is unknown.
 const WAY_UNPROVEN: &str =
@@ -34,7 +34,7 @@ impl Session {
             None => self.counters.ignored += u64::from(!is_discovery),
             Some(Inbound::Probe) => self.probe(at, message),
             Some(Inbound::Alive) => {
-                let says = std::str::from_utf8(message.payload).unwrap_or_default();
+                let says = std::str::from_utf8(without_mark(message.payload)).unwrap_or_default();
                 self.are_commanders_gone = says.trim().eq_ignore_ascii_case("offline");
             }
             Some(Inbound::AllRun) => self.all_run(at, message),
@@ -61,7 +61,7 @@ impl Session {
     }
 
     fn all_run(&mut self, at: Moment, message: &Message<'_>) {
-        if message.payload.is_empty() {
+        if clears(message) {
             return;
         }
         let reply = self.reply_to(message);
@@ -85,13 +85,14 @@ impl Session {
         }
         let refused = if message.retain { self.live(message, false).err().unwrap_or(refused) } else { refused };
         let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply };
-        let tried = attempts::text(self.topics.below(message.topic), message.payload);
-        self.keep(None, Owner::Mqtt, Some(tried), Report::refused(refused.reason));
+        let tried =
+            (!message.payload.is_empty()).then(|| attempts::text(self.topics.below(message.topic), message.payload));
+        self.keep(None, Owner::Mqtt, tried, Report::refused(refused.reason));
         self.refuse(at, "all", self.topics.gateway("all/result"), &asker, &refused);
     }
 
     fn drive_input(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
-        if message.payload.is_empty() && (message.retain || !place.input.takes_empty()) {
+        if clears(message) {
             return;
         }
         let Some(drive) = self.drives.iter().position(|drive| drive.name.as_str() == place.drive) else {
@@ -201,12 +202,26 @@ impl Session {
         let has_room = self.commands.has_room_for_command();
         let queue_full = || Refused::plain(Reason::QueueFull);
         match dated.and_then(|()| has_room.then_some(()).ok_or_else(queue_full)) {
-            Ok(()) => self.give(at, drive, asker, wish, message),
+            Ok(()) => {
+                self.remark_on_clients_gone(&mut wish);
+                self.give(at, drive, asker, wish, message);
+            }
             Err(refused) => {
                 self.remember_refusal(at, drive, &asker, &wish, refused.reason);
                 self.refuse_for(at, drive, &asker, &refused, tried);
             }
         }
+    }
+
+    /// A motor that is started while nobody is there to hold it is stopped soon.
+    fn remark_on_clients_gone(&self, wish: &mut InputCommand) {
+        let starts = matches!(&wish.order, Order::Go(go) if go.run().is_some());
+        let Some(topic) = self.clients_gone().filter(|_| starts) else { return };
+        let gone = format!(
+            "`{topic}` says that the clients of the broker are offline: the declared action is carried out after \
+             `lost_after`, unless it says `online` by then"
+        );
+        wish.remark = Some(wish.remark.take().map_or_else(|| gone.clone(), |remark| format!("{remark}; {gone}")));
     }
 
     /// A refusal is final: the same message delivered again is answered with it and never executed.
@@ -276,6 +291,11 @@ impl Session {
     }
 }
 
+/// Whether the message only clears a retained one.
+const fn clears(message: &Message<'_>) -> bool {
+    message.retain && message.payload.is_empty()
+}
+
 /// The client that commands at `place`.
 ///
 /// # Errors
@@ -283,7 +303,7 @@ impl Session {
 fn owner(place: InputAddress<'_>) -> Result<Owner, Refused> {
     let Some(by) = place.by else { return Ok(Owner::Mqtt) };
     CommanderName::new(by).map(Owner::MqttBy).ok_or_else(|| {
-        let right = format!("1 to {} letters, digits, `-`, `_` or `.`", CommanderName::MAX_CHARS);
+        let right = format!("1 to {} letters, digits, `-`, `_` or `.`, not only dots", CommanderName::MAX_CHARS);
         Refused::new(Reason::NotUnderstood, format!("`{}` is not a valid client name; expected {right}", short(by)))
     })
 }

@@ -1,4 +1,4 @@
-//! The retained topics of one line, and the document that lists the gateway's lines and drives.
+//! The retained topics of one line, and the documents that describe the gateway and its drives.
 
 use super::slot::{Content, Present, Slot, retained};
 use super::topics::Topics;
@@ -23,9 +23,12 @@ pub(super) struct LineTopics {
     /// Which of several gateways is active on the line, and its name.
     active: Option<(Slot, String)>,
     stats_topic: String,
-    /// The names of its drives, in order.
-    drives: Vec<Name>,
+    /// The names of its drives, in order, each with the topic of its counts. They have topics of their own, so that no
+    /// document grows with the drives: brokers limit the size of packets.
+    drives: Vec<(Name, String)>,
     stats: Option<(MonoTime, LineReport)>,
+    /// The drives whose counts were published since the line's.
+    told_drives: usize,
     /// The counters changed too soon after the last publication.
     is_held: bool,
 }
@@ -33,16 +36,20 @@ pub(super) struct LineTopics {
 impl LineTopics {
     pub(super) fn new(topics: &Topics, name: &Name, drives: &[DriveDescription]) -> Self {
         let topic = |rest| topics.line(name.as_str(), rest);
-        let drives = drives.iter().filter(|drive| drive.line == *name).map(|drive| drive.name.clone()).collect();
+        let stats_of = |drive: &DriveDescription| topics.drive(drive.name.as_str(), "stats");
+        let drives =
+            drives.iter().filter(|drive| drive.line == *name).map(|drive| (drive.name.clone(), stats_of(drive)));
         let active = topics.half().map(|half| (Slot::new(topic("active")), half.to_string()));
         let status = Slot::new(topic("status"));
-        Self { status, active, stats_topic: topic("stats"), drives, stats: None, is_held: false }
+        let drives = drives.collect();
+        Self { status, active, stats_topic: topic("stats"), drives, stats: None, told_drives: 0, is_held: false }
     }
 
     /// All its topics.
     pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
         let active = self.active.as_ref().map(|(slot, _)| slot.topic());
-        [self.status.topic(), self.stats_topic.as_str()].into_iter().chain(active)
+        let of_drives = self.drives.iter().map(|(_, topic)| topic.as_str());
+        [self.status.topic(), self.stats_topic.as_str()].into_iter().chain(active).chain(of_drives)
     }
 
     /// Whether both show the same line with the same drives.
@@ -58,7 +65,7 @@ impl LineTopics {
         self.stats = None;
     }
 
-    /// The next publication; `None` if both topics show `line`.
+    /// The next publication; `None` if all topics show `line`.
     pub(super) fn next(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
         let status = status(&line.report);
         let payload = status.clone().into_bytes();
@@ -75,6 +82,14 @@ impl LineTopics {
 
     fn next_stats(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
         let report = &line.report;
+        if self.stats.is_some()
+            && let Some(((name, topic), station)) = self.drives.iter().zip(&line.stations).nth(self.told_drives)
+        {
+            self.told_drives += 1;
+            let mut stats = station_stats(name, station);
+            stats["at"] = now.clock.text(now.at).into();
+            return Some(retained(now, topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce));
+        }
         let (age, has_changed) = match &self.stats {
             Some((at, last)) => (now.at.since(*at), last != report),
             None => (Duration::MAX, true),
@@ -84,11 +99,10 @@ impl LineTopics {
             return None;
         }
         self.stats = Some((now.at, report.clone()));
-        let drives = self.drives.iter().zip(&line.stations).map(|(name, station)| station_stats(name, station));
+        self.told_drives = 0;
         let mut stats = line_stats(&report.counters);
         if let Some(object) = stats.as_object_mut() {
             object.insert("budget".to_owned(), budget(report));
-            object.insert("drives".to_owned(), drives.collect());
             object.insert("bad_per_cent".to_owned(), report.quality.bad_per_cent.into());
             object.insert("suspended".to_owned(), report.quality.is_suspended.into());
             object.insert("suspicion".to_owned(), report.suspicion.map(Suspicion::word).into());
@@ -181,17 +195,41 @@ fn line_stats(counters: &LineCounters) -> Value {
     })
 }
 
-/// The gateway's lines, its drives and their models.
-pub(super) fn info(settings: &Settings, drives: &[DriveDescription], lines: &[Name], started: &str) -> Vec<u8> {
-    let names: Vec<_> = lines.iter().map(Name::as_str).collect();
+/// A topic that says what the gateway or a drive is. It changes only with the configuration.
+#[derive(Debug)]
+pub(super) struct Info {
+    pub(super) topic: String,
+    pub(super) payload: Vec<u8>,
+    /// It is published on this connection.
+    pub(super) is_told: bool,
+}
+
+impl Info {
+    /// Whether both say the same.
+    pub(super) fn is_of_the_same(&self, other: &Self) -> bool {
+        self.topic == other.topic && self.payload == other.payload
+    }
+}
+
+/// What the gateway and its drives are: the gateway first, with the names of lines and drives.
+pub(super) fn infos(
+    settings: &Settings,
+    topics: &Topics,
+    drives: &[DriveDescription],
+    lines: &[Name],
+    started: &str,
+) -> Vec<Info> {
+    let info =
+        |topic: String, document: &Value| Info { topic, payload: document.to_string().into_bytes(), is_told: false };
     let document = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "gateway": settings.gateway.as_str(),
         "started": started,
-        "lines": names,
-        "drives": drives.iter().map(drive).collect::<Vec<_>>(),
+        "lines": lines.iter().map(Name::as_str).collect::<Vec<_>>(),
+        "drives": drives.iter().map(|drive| drive.name.as_str()).collect::<Vec<_>>(),
     });
-    document.to_string().into_bytes()
+    let of_drives = drives.iter().map(|it| info(topics.drive(it.name.as_str(), "info"), &drive(it)));
+    std::iter::once(info(topics.gateway("info"), &document)).chain(of_drives).collect()
 }
 
 fn drive(drive: &DriveDescription) -> Value {

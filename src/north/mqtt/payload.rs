@@ -7,7 +7,7 @@ use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::north::command_words::{
-    RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in, unknown_word,
+    RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in, unknown_word, without_mark,
 };
 pub(super) use crate::north::command_words::{Refused, short};
 use crate::profile::model::Model;
@@ -60,11 +60,18 @@ pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<V
         let remark = Some(beside_a_stop(&refused));
         return (None, Ok(InputRequest::Order(InputCommand { remark, ..InputCommand::plain(stop_order(stop)) })));
     }
+    if payload.is_empty() && !input.takes_empty() {
+        return (None, Err(empty()));
+    }
     if input == Input::Command {
         let (id, wish) = command_json::read(payload, model);
         return (id, wish.map(InputRequest::Order));
     }
     (None, plain(input, payload, model))
+}
+
+fn empty() -> Refused {
+    Refused::new(Reason::NotUnderstood, "the payload is empty, which orders nothing")
 }
 
 fn too_large(bytes: usize) -> Refused {
@@ -89,7 +96,7 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<InputRequest
 
 /// The stop in the first bytes of a payload that is too large, if they contain no other word.
 fn stop_word(payload: &[u8]) -> Option<RunWord> {
-    let start = std::str::from_utf8(payload.get(..PAYLOAD_MAX_BYTES)?).ok()?;
+    let start = std::str::from_utf8(without_mark(payload.get(..PAYLOAD_MAX_BYTES)?)).ok()?;
     run_word(start).ok().filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
 }
 
@@ -103,6 +110,9 @@ pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let is_stop = stop_word(payload) == Some(RunWord::Stop);
         return if is_stop { Ok(()) } else { Err(too_large(payload.len())) };
+    }
+    if payload.is_empty() {
+        return Err(empty());
     }
     let word = text(payload, "`stop`")?;
     if word.eq_ignore_ascii_case("stop") { Ok(()) } else { Err(unknown_word(word, "`stop` and nothing else")) }
@@ -156,7 +166,7 @@ pub(super) fn go(
 
 /// The payload as trimmed text.
 fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, Refused> {
-    let text = std::str::from_utf8(payload).map(str::trim);
+    let text = std::str::from_utf8(without_mark(payload)).map(str::trim);
     text.map_err(|_| Refused::new(Reason::NotUnderstood, format!("the payload is not text; expected {right}")))
 }
 

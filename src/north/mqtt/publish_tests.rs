@@ -65,6 +65,7 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
             (Tree::Line, "line/hall/status"),
             (Tree::Line, "line/hall/stats"),
             (Tree::Info, "info"),
+            (Tree::Info, "drive/fan/info"),
         ];
         for (tree, topic) in table {
             let is_wanted = trees.contains(&tree);

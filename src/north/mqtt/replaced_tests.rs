@@ -37,18 +37,25 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
     let acts = replace(&mut rig, vec![added, pump.clone()], &["yard"]);
     let told = told(&acts);
     let (cleared, said): (Vec<_>, Vec<_>) = told.iter().partition(|(_, payload)| payload.is_empty());
-    for topic in
-        ["drive/fan/availability", "drive/fan/state", "drive/fan/trip/last", "line/hall/status", "line/hall/stats"]
-    {
+    for topic in [
+        "drive/fan/availability",
+        "drive/fan/info",
+        "drive/fan/state",
+        "drive/fan/trip/last",
+        "line/hall/status",
+        "line/hall/stats",
+    ] {
         assert!(cleared.iter().any(|(it, _)| it == topic), "{topic} in {cleared:?}");
     }
-    for topic in ["info", "drive/mill/availability", "drive/mill/state", "line/yard/status"] {
+    for topic in ["info", "drive/mill/info", "drive/mill/availability", "drive/mill/state", "line/yard/status"] {
         assert!(said.iter().any(|(it, _)| it == topic), "{topic} in {said:?}");
     }
-    assert!(!told.iter().any(|(topic, _)| topic.starts_with("drive/pump/")), "{told:?}");
+    // Its line is gone, and with it what the line counted.
+    let of_pump = told.iter().filter(|(topic, _)| topic.starts_with("drive/pump/"));
+    assert!(of_pump.map(|(topic, _)| topic).eq(["drive/pump/stats"]), "{told:?}");
     assert!(publications(&acts).iter().all(|it| it.retain));
     let info: Value = serde_json::from_str(&on(&acts, "info").unwrap()).unwrap();
-    let names: Vec<_> = info["drives"].as_array().unwrap().iter().map(|it| it["name"].clone()).collect();
+    let names: Vec<_> = info["drives"].as_array().unwrap().iter().cloned().collect();
     assert_eq!(names, ["mill", "pump"]);
     // A drive that comes back is published again, and no longer cleared, also on the next connection.
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();

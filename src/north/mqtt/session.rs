@@ -12,13 +12,15 @@ use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::told::{Mark, Told};
 use super::topics::Topics;
-use super::types::{Act, Settings};
+use super::types::{Act, LeaseMode, Settings};
 use crate::domain::ids::{AskerId, Name};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
-use crate::north::broker::{Broker, Commands, Event, Filter, Issued, LineState, Path, Publication, Qos, Refusal};
+use crate::north::broker::{
+    Broker, Commands, Event, Filter, Issued, LineState, Oversized, OversizedTopics, Path, Publication, Qos, Refusal,
+};
 use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
 
@@ -53,6 +55,8 @@ pub struct Session {
     pub(super) started: MonoTime,
     pub(super) path: Path,
     broker: Broker,
+    /// What is larger than it takes.
+    oversized: OversizedTopics,
     pub(super) commands: Commands<Context>,
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
@@ -93,6 +97,7 @@ impl Session {
             path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| CommandIds::default()).collect(),
             broker: Broker::default(),
+            oversized: OversizedTopics::default(),
             commands: Commands::new(AskerId::MQTT),
             results: Results::default(),
             events: EventQueue::default(),
@@ -142,6 +147,7 @@ impl Session {
     fn connected(&mut self, at: MonoTime, broker: Broker) {
         self.lost(at);
         self.broker = broker;
+        self.oversized.forget();
         self.path.connected();
     }
 
@@ -336,7 +342,13 @@ impl Session {
     /// `publication` as this broker accepts it; `None` if it does not. A publication that is too large would end the
     /// connection again and again.
     fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
-        let is_too_large = self.broker.maximum_packet_bytes.is_some_and(|most| packet_bytes(&publication) > most);
+        let bytes = packet_bytes(&publication);
+        let limit = self.broker.maximum_packet_bytes.filter(|most| bytes > *most);
+        let is_too_large = limit.is_some();
+        match limit {
+            Some(limit) => self.oversized.add(Oversized { topic: publication.topic.clone(), bytes, limit }),
+            None => self.oversized.published(&publication.topic),
+        }
         let is_clearing = publication.retain && publication.payload.is_empty();
         if is_too_large || is_clearing && !self.broker.retains {
             self.counters.too_large += u64::from(is_too_large);
@@ -364,6 +376,24 @@ impl Session {
     #[must_use]
     pub fn is_path_alive(&self, at: Moment) -> bool {
         self.path.is_alive(at.mono)
+    }
+
+    /// The topic that says that the clients of the broker are gone, while it does and a lease depends on it.
+    #[must_use]
+    pub fn clients_gone(&self) -> Option<&str> {
+        let depends = self.are_commanders_gone && self.settings.lease == LeaseMode::Session;
+        self.settings.alive_topic.as_deref().filter(|_| depends)
+    }
+
+    /// What is not published because it is larger than the broker takes.
+    #[must_use]
+    pub fn oversized(&self) -> &[Oversized] {
+        self.oversized.all()
+    }
+
+    /// One of these that is new.
+    pub fn next_oversized(&mut self) -> Option<Oversized> {
+        self.oversized.next_untold()
     }
 
     /// The counters so far.

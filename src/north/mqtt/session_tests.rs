@@ -2,6 +2,7 @@
 
 use super::harness::{Rig, Staged, message, on, publications, results, settings, told};
 use super::types::{Act, LeaseMode};
+use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::DriveRef;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
@@ -296,7 +297,7 @@ fn what_the_broker_does_not_take_is_not_sent() {
     trip(&mut rig, 1);
     let acts = rig.connect();
     assert!(publications(&acts).iter().all(|it| it.topic.len() + it.payload.len() <= 200));
-    assert!(on(&acts, "info").is_none() && on(&acts, "status").is_some());
+    assert!(on(&acts, "drive/pump/info").is_none() && on(&acts, "status").is_some());
     assert!(rig.session.counters().too_large > 0);
     assert_eq!(rig.session.counters().events_waiting, 0, "it would never go");
 
@@ -335,4 +336,41 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
     let mut acts = rig.connect();
     acts.extend(rig.pass(10_000));
     assert_eq!(alive(&acts), 6, "from the fifth second on");
+}
+
+#[test]
+fn what_is_larger_than_the_broker_takes_is_named_and_no_document_grows_with_the_drives() {
+    let mut rig = Rig::new(Version::V4);
+    rig.poll(0, 3_000);
+    rig.broker = Broker { maximum_packet_bytes: Some(1_000), retains: true };
+    let acts = rig.connect();
+    for topic in ["info", "drive/pump/info", "line/hall/stats", "drive/pump/availability", "status"] {
+        assert!(on(&acts, topic).is_some(), "{topic}");
+    }
+    assert!(publications(&acts).iter().all(|it| it.topic.len() + it.payload.len() <= 1_000));
+    assert_eq!(on(&acts, "drive/pump/state"), None);
+    let named: Vec<_> = rig.session.oversized().iter().map(|it| (it.topic.as_str(), it.limit)).collect();
+    assert_eq!(named, [("vfd/plant/drive/pump/state", 1_000)], "the fan has never answered");
+    assert!(rig.session.oversized().iter().all(|it| it.bytes > 1_000));
+    let told = |rig: &mut Rig| std::iter::from_fn(|| rig.session.next_oversized()).count();
+    assert_eq!(told(&mut rig), 1);
+    rig.pass(130_000);
+    assert_eq!((told(&mut rig), rig.session.oversized().len()), (0, 1), "once");
+}
+
+#[test]
+fn clients_that_are_gone_are_named_in_the_result_of_a_run() {
+    let mut rig = Rig::born(Version::V5);
+    assert_eq!(rig.session.clients_gone(), None);
+    rig.deliver(&message("home/status", b"offline"));
+    assert_eq!(rig.session.clients_gone(), Some("home/status"));
+    for (payload, is_named) in [("forward", true), ("stop", false)] {
+        let acts = rig.send("drive/pump/run/set", payload.as_bytes());
+        let ticket = super::harness::commands(&acts)[0].ticket;
+        let result = &super::harness::results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true))[0];
+        let said = result["message"].as_str().unwrap_or_default();
+        assert_eq!(said.contains("`home/status` says") && said.contains("lost_after"), is_named, "{result}");
+    }
+    rig.deliver(&message("home/status", b"online"));
+    assert_eq!(rig.session.clients_gone(), None);
 }

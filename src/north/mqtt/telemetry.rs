@@ -3,7 +3,7 @@
 
 use super::drive_topics::DriveTopics;
 use super::history::History;
-use super::line_topics::{LineTopics, info};
+use super::line_topics::{Info, LineTopics, infos};
 use super::slot::{Content, Present, Slot, retained};
 use super::topics::Topics;
 use super::types::{Settings, Tree};
@@ -51,10 +51,9 @@ pub(super) struct Telemetry {
     heartbeat: Duration,
     /// Whether the broker may be given an expiry for telemetry.
     expires: bool,
-    info_topic: String,
-    info: Vec<u8>,
+    /// What the gateway and its drives are.
+    infos: Vec<Info>,
     is_info_wanted: bool,
-    is_info_published: bool,
     status: Slot,
     lines: Vec<LineTopics>,
     drives: Vec<DriveTopics>,
@@ -80,10 +79,8 @@ impl Telemetry {
         let mut telemetry = Self {
             heartbeat: settings.heartbeat,
             expires: settings.version == Version::V5,
-            info_topic: topics.gateway("info"),
-            info: info(settings, drives, lines, started),
+            infos: infos(settings, topics, drives, lines, started),
             is_info_wanted: settings.publish.contains(&Tree::Info),
-            is_info_published: false,
             status: Slot::new(topics.gateway("status")),
             lines: line_topics(settings, topics, drives, lines),
             drives: drives.iter().map(|drive| DriveTopics::new(settings, topics, drive)).collect(),
@@ -107,8 +104,10 @@ impl Telemetry {
         started: &str,
     ) {
         let before = self.topics();
-        self.info = info(settings, new, lines, started);
-        self.is_info_published = false;
+        let old_infos = std::mem::replace(&mut self.infos, infos(settings, topics, new, lines, started));
+        for info in &mut self.infos {
+            info.is_told = old_infos.iter().any(|old| old.is_told && old.is_of_the_same(info));
+        }
         let mut old_lines = std::mem::take(&mut self.lines);
         let mut old_drives = std::mem::take(&mut self.drives);
         self.lines = line_topics(settings, topics, new, lines)
@@ -144,8 +143,9 @@ impl Telemetry {
         let is_line_left_out = self.lines.is_empty();
         let lines = lines.iter().filter(|_| is_line_left_out).map(|name| LineTopics::new(topics, name, drives));
         let of_lines = lines.flat_map(|line| line.topics().map(str::to_owned).collect::<Vec<_>>());
-        let info = (!settings.publish.contains(&Tree::Info)).then(|| self.info_topic.clone());
-        of_drives.chain(of_lines).chain(info).collect()
+        let infos =
+            self.infos.iter().filter(|_| !settings.publish.contains(&Tree::Info)).map(|info| info.topic.clone());
+        of_drives.chain(of_lines).chain(infos).collect()
     }
 
     /// Adds `topics` to those that are cleared.
@@ -162,7 +162,9 @@ impl Telemetry {
     /// All retained topics of lines and drives.
     fn topics(&self) -> Vec<String> {
         let lines = self.lines.iter().flat_map(LineTopics::topics);
-        lines.chain(self.drives.iter().flat_map(DriveTopics::topics)).map(str::to_owned).collect()
+        let infos = self.infos.iter().filter(|_| self.is_info_wanted).map(|info| info.topic.as_str());
+        let drives = self.drives.iter().flat_map(DriveTopics::topics);
+        lines.chain(drives).chain(infos).map(str::to_owned).collect()
     }
 
     fn clear_next(&mut self, now: &Present) -> Option<Publication> {
@@ -173,7 +175,7 @@ impl Telemetry {
 
     /// Everything is to be published again: a birth.
     pub(super) fn forget(&mut self) {
-        self.is_info_published = false;
+        self.infos.iter_mut().for_each(|info| info.is_told = false);
         self.place = 0;
         self.cleared = 0;
         self.status.forget();
@@ -190,7 +192,7 @@ impl Telemetry {
         let drives = self.drives.iter_mut().enumerate().filter(|(place, _)| before.drive(*place) != now.drive(*place));
         drives.for_each(|(_, drive)| drive.forget());
         if before.is_led != now.is_led {
-            self.is_info_published = false;
+            self.infos.iter_mut().for_each(|info| info.is_told = false);
             self.cleared = 0;
         }
         if before.is_silent != now.is_silent {
@@ -278,11 +280,12 @@ impl Telemetry {
     }
 
     fn take_info(&mut self) -> Option<Publication> {
-        if !self.is_info_wanted || self.spoken.is_led || std::mem::replace(&mut self.is_info_published, true) {
+        if !self.is_info_wanted || self.spoken.is_led {
             return None;
         }
-        let topic = self.info_topic.clone();
-        let payload = self.info.clone();
+        let info = self.infos.iter_mut().find(|info| !info.is_told)?;
+        info.is_told = true;
+        let (topic, payload) = (info.topic.clone(), info.payload.clone());
         let qos = Qos::AtLeastOnce;
         Some(Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None })
     }

@@ -214,12 +214,13 @@ fn a_line_shows_what_was_planned_beside_what_was_measured() {
         ..StationReport::default()
     };
     rig.lines[0].stations = vec![Arc::new(station)];
-    let stats = on(&rig.pass(10_000), "line/hall/stats").expect("counters");
-    let stats: Value = serde_json::from_str(&stats).expect("JSON");
+    let acts = rig.pass(10_000);
+    let document = |topic| serde_json::from_str::<Value>(&on(&acts, topic).expect("counters")).expect("JSON");
+    let stats = document("line/hall/stats");
     let budget = &stats["budget"];
     assert_eq!((&budget["planned_use_percent"], &budget["longest_stop_ms"]), (&62.5.into(), &17.into()));
     assert_eq!(budget["worst_stop_ms"], 561, "a bound is not rounded down");
-    let drive = &stats["drives"][0];
+    let drive = document("drive/pump/stats");
     assert_eq!((&drive["name"], &drive["retries"]), (&"pump".into(), &2.into()));
     assert_eq!((&drive["read"]["count"], &drive["read"]["p999_us"]), (&1200.into(), &7300.into()));
     assert_eq!((&drive["write"]["timeout_ms"], &drive["write"]["p50_us"]), (&500.into(), &Value::Null));

@@ -3,7 +3,7 @@
 use crate::domain::command::{Go, Order};
 use crate::north::command_words::{
     Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood, object, only_true, run,
-    stop_in,
+    stop_in, without_mark,
 };
 use serde_json::{Map, Value};
 
@@ -71,7 +71,7 @@ fn whole_wish(body: &[u8]) -> Result<PageCommand, Refused> {
 /// The user and the password in `body`; `None` unless it is an object with only these.
 #[must_use]
 pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
+    let Value::Object(object) = serde_json::from_slice(without_mark(body)).ok()? else { return None };
     let text = |object: &Map<String, Value>, key| object.get(key)?.as_str().map(str::to_owned);
     let found = (text(&object, "user")?, text(&object, "password")?);
     (object.len() == 2).then_some(found)
@@ -80,7 +80,8 @@ pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
 /// Whether `body` is empty: absent, or an empty object.
 #[must_use]
 pub fn is_empty(body: &[u8]) -> bool {
-    body.is_empty() || matches!(serde_json::from_slice(body), Ok(Value::Object(object)) if object.is_empty())
+    body.is_empty()
+        || matches!(serde_json::from_slice(without_mark(body)), Ok(Value::Object(object)) if object.is_empty())
 }
 
 #[cfg(test)]

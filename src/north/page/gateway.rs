@@ -1,5 +1,6 @@
 //! The gateway as a document.
 
+use crate::north::broker::Oversized;
 use serde_json::{Value, json};
 
 /// The gateway as a whole.
@@ -20,7 +21,7 @@ pub struct Gateway {
 }
 
 /// The path to the broker.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BrokerWay {
     /// It is open.
     pub is_connected: bool,
@@ -30,6 +31,10 @@ pub struct BrokerWay {
     pub is_partner_missing: bool,
     /// Why there is no connection, with the broker's address, as far as it is known.
     pub lost_reason: Option<String>,
+    /// What is not published because it is larger than the broker takes.
+    pub oversized: Vec<Oversized>,
+    /// The topic that says that the clients of the broker are gone; `None` if it does not.
+    pub clients_gone: Option<String>,
 }
 
 impl BrokerWay {
@@ -49,6 +54,8 @@ pub struct JournalState {
     pub reason: Option<String>,
     /// Where a damaged journal was moved to since the start.
     pub moved_aside: Option<String>,
+    /// What happened to its file while it was open, if it was deleted or replaced.
+    pub replaced: Option<String>,
     /// Rows that could not be kept since the start.
     pub lost: u64,
 }

@@ -17,6 +17,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
+use crate::north::broker::Oversized;
 use crate::north::finding::{Severity, Sign, ranked};
 use crate::profile::model::{PollClass, Register, Role};
 use serde_json::{Value, json};
@@ -447,8 +448,15 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         name: "plant-a".to_owned(),
         started_at: NOW_TEXT.to_owned(),
         is_ready: true,
-        mqtt: Some(BrokerWay { is_connected: true, is_contested: false, is_partner_missing: false, lost_reason: None }),
-        journal: Some(JournalState { state: "ok", is_ok: true, reason: None, moved_aside: None, lost: 0 }),
+        mqtt: Some(BrokerWay { is_connected: true, ..BrokerWay::default() }),
+        journal: Some(JournalState {
+            state: "ok",
+            is_ok: true,
+            reason: None,
+            moved_aside: None,
+            replaced: None,
+            lost: 0,
+        }),
         unreachable: None,
     };
     assert_eq!(sound.advice(), []);
@@ -461,18 +469,27 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         reason: Some("disk full".to_owned()),
         moved_aside: Some("old.db".to_owned()),
         lost: 2,
+        replaced: Some("its file was deleted".to_owned()),
     };
     let lost_reason = Some("broker:1883: Connection refused".to_owned());
-    let away = BrokerWay { is_connected: false, is_contested: false, is_partner_missing: false, lost_reason };
+    let away = BrokerWay { lost_reason, ..BrokerWay::default() };
     let said = Gateway { mqtt: Some(away), ..sound.clone() }.advice();
     assert!(said[0].text.to_string().contains("not reached (broker:1883: Connection refused)"), "{said:?}");
-    let alone = BrokerWay { is_connected: true, is_contested: false, is_partner_missing: true, lost_reason: None };
+    let alone = BrokerWay { is_connected: true, is_partner_missing: true, ..BrokerWay::default() };
     let said = Gateway { mqtt: Some(alone), ..sound.clone() }.advice();
     assert!(said[0].text.to_string().contains("the other gateway"), "{said:?}");
-    let mqtt =
-        Some(BrokerWay { is_connected: false, is_contested: true, is_partner_missing: false, lost_reason: None });
+    let topic = "vfd/plant-a/drive/pump-1/state".to_owned();
+    let oversized = vec![Oversized { topic, bytes: 2_612, limit: 2_000 }];
+    let clients_gone = Some("homeassistant/status".to_owned());
+    let restrained = BrokerWay { is_connected: true, oversized, clients_gone, ..BrokerWay::default() };
+    let said = Gateway { mqtt: Some(restrained), ..sound.clone() }.advice();
+    let parts = ["up to 2000 bytes, and 1 topics", "homeassistant/status says"];
+    assert_eq!(said.len(), parts.len());
+    assert!(said.iter().zip(parts).all(|(it, part)| it.text.to_string().contains(part)), "{said:?}");
+    assert!(said[0].text.to_string().contains("pump-1/state with 2612"), "{said:?}");
+    let mqtt = Some(BrokerWay { is_contested: true, ..BrokerWay::default() });
     let said: Vec<_> = Gateway { mqtt, journal: Some(journal), ..sound }.advice();
-    let parts = ["another client", "(disk full)", "kept as old.db", "2 rows"];
+    let parts = ["another client", "(disk full)", "kept as old.db", "was deleted: leave", "2 rows"];
     assert_eq!(said.len(), parts.len());
     assert!(said.iter().zip(parts).all(|(it, part)| it.text.to_string().contains(part)), "{said:?}");
 }

@@ -1,5 +1,6 @@
 //! The primary host application, as its STATE messages describe it.
 
+use crate::north::command_words::without_mark;
 use serde_json::Value;
 
 /// What a STATE message changes.
@@ -20,17 +21,26 @@ pub(super) struct Host {
     is_online: bool,
     /// Timestamp of the newest message on this connection.
     timestamp: Option<u64>,
+    /// It says that it is online in a message that is this much older than one before, in milliseconds.
+    behind_ms: Option<u64>,
 }
 
 impl Host {
     pub(super) const fn new(is_awaited: bool) -> Self {
-        Self { is_awaited, is_online: false, timestamp: None }
+        Self { is_awaited, is_online: false, timestamp: None, behind_ms: None }
     }
 
     /// A new connection: what was known no longer applies to this broker.
     pub(super) const fn forget(&mut self) {
         self.is_online = false;
         self.timestamp = None;
+        self.behind_ms = None;
+    }
+
+    /// By how many milliseconds the message in which it says that it is online is older than one before, which is why it
+    /// does not count: its clock was ahead then.
+    pub(super) const fn behind_ms(&self) -> Option<u64> {
+        self.behind_ms
     }
 
     /// Whether there is a host to publish to.
@@ -41,10 +51,14 @@ impl Host {
     /// Takes a STATE message. One that is older than a previous one is the delayed will of an earlier session.
     pub(super) fn take(&mut self, payload: &[u8]) -> News {
         let Some((is_online, timestamp)) = read(payload) else { return News::Nothing };
-        if self.timestamp.is_some_and(|last| timestamp < last) {
+        if let Some(last) = self.timestamp.filter(|last| timestamp < *last) {
+            if is_online && !self.is_online {
+                self.behind_ms = Some(last - timestamp);
+            }
             return News::Nothing;
         }
         self.timestamp = Some(timestamp);
+        self.behind_ms = None;
         let has_changed = std::mem::replace(&mut self.is_online, is_online) != is_online;
         match (has_changed, is_online) {
             (false, _) => News::Nothing,
@@ -55,7 +69,7 @@ impl Host {
 }
 
 fn read(payload: &[u8]) -> Option<(bool, u64)> {
-    let state: Value = serde_json::from_slice(payload).ok()?;
+    let state: Value = serde_json::from_slice(without_mark(payload)).ok()?;
     Some((state.get("online")?.as_bool()?, state.get("timestamp")?.as_u64()?))
 }
 
@@ -81,6 +95,23 @@ mod tests {
         host.forget();
         assert!(!host.is_there());
         assert_eq!(host.take(&state(true, 5)), News::Online, "of another broker");
+    }
+
+    #[test]
+    fn a_host_whose_clock_was_ahead_is_told_until_it_counts_again() {
+        let mut host = Host::new(true);
+        host.take(&state(true, 7_200_000));
+        host.take(&state(false, 7_200_000));
+        assert_eq!((host.take(&state(false, 10)), host.behind_ms()), (News::Nothing, None), "a late will");
+        assert_eq!((host.take(&state(true, 3_600_000)), host.behind_ms()), (News::Nothing, Some(3_600_000)));
+        assert!(!host.is_there());
+        assert_eq!((host.take(&state(true, 7_200_001)), host.behind_ms()), (News::Online, None));
+        host.take(&state(true, 1));
+        assert_eq!(host.behind_ms(), None, "it is there");
+        host.take(&state(false, 7_200_001));
+        host.take(&state(true, 1));
+        host.forget();
+        assert_eq!(host.behind_ms(), None);
     }
 
     #[test]

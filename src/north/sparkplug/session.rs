@@ -12,7 +12,9 @@ use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::broker::{Broker, Commands, Event, Issued, LineState, Message, Path, Publication, Qos, Returned};
+use crate::north::broker::{
+    Broker, Commands, Event, Issued, LineState, Message, Oversized, OversizedTopics, Path, Publication, Qos, Returned,
+};
 use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
 use std::time::Duration;
@@ -38,6 +40,8 @@ pub struct Session {
     pub(super) path: Path,
     pub(super) host: Host,
     pub(super) broker: Broker,
+    /// What is larger than it takes.
+    pub(super) oversized: OversizedTopics,
     pub(super) bdseq: u8,
     /// The number of the next message.
     pub(super) seq: u8,
@@ -81,6 +85,7 @@ impl Session {
             path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             host: Host::new(settings.primary_host.is_some()),
             broker: Broker::default(),
+            oversized: OversizedTopics::default(),
             bdseq: 0,
             seq: 0,
             is_born: false,
@@ -134,6 +139,7 @@ impl Session {
             Event::Connected(broker) => {
                 self.lost(at.mono);
                 self.broker = broker;
+                self.oversized.forget();
                 self.host.forget();
                 self.path.connected();
                 self.is_connected = true;
@@ -330,11 +336,23 @@ impl Session {
         self.settings.primary_host.is_some().then(|| self.host.is_there())
     }
 
+    /// What is not published because it is larger than the broker takes.
+    #[must_use]
+    pub fn oversized(&self) -> &[Oversized] {
+        self.oversized.all()
+    }
+
+    /// One of these that is new.
+    pub fn next_oversized(&mut self) -> Option<Oversized> {
+        self.oversized.next_untold()
+    }
+
     /// The counters so far.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         let (attempts_lost, is_left_to_another) = (self.commands.attempts_lost(), !self.is_mine);
-        Counters { attempts_lost, is_left_to_another, ..self.counters }
+        let host_behind_ms = self.host.behind_ms();
+        Counters { attempts_lost, is_left_to_another, host_behind_ms, ..self.counters }
     }
 }
 

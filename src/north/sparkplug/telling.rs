@@ -8,7 +8,7 @@ use super::topics::{DeviceKind, Kind};
 use super::types::Act;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
-use crate::north::broker::{LineState, Publication, Qos};
+use crate::north::broker::{LineState, Oversized, Publication, Qos};
 use std::sync::Arc;
 
 /// Longest packet if the broker names no smaller limit.
@@ -143,10 +143,13 @@ impl Session {
     fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
         let payload = Payload { timestamp: Some(millis(self.clock, at)), metrics, seq: Some(self.seq.into()) };
         let publication = publication(topic, payload.bytes());
-        if packet_bytes(&publication) > self.packet_bytes_max() {
+        let (bytes, limit) = (packet_bytes(&publication), self.packet_bytes_max());
+        if bytes > limit {
             self.counters.too_large += 1;
+            self.oversized.add(Oversized { topic: publication.topic, bytes, limit });
             return None;
         }
+        self.oversized.published(&publication.topic);
         self.seq = self.seq.wrapping_add(1);
         self.counters.messages_out += 1;
         Some(Act::Publish(publication))

@@ -52,7 +52,7 @@ pub enum Act {
 }
 
 /// Counts of the Sparkplug session since start. All but [`Counters::history_waiting`] and
-/// [`Counters::host_awaited`] only rise, and [`Counters::is_left_to_another`] is a state.
+/// [`Counters::host_awaited`] only rise; [`Counters::host_behind_ms`] and [`Counters::is_left_to_another`] are states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Messages received.
@@ -75,6 +75,9 @@ pub struct Counters {
     pub refused_stale: u64,
     /// 1 while births wait for the primary host.
     pub host_awaited: u64,
+    /// While births wait for the primary host: by how many milliseconds the message in which it says that it is online is
+    /// older than one before it, which is why it does not count.
+    pub host_behind_ms: Option<u64>,
     /// Another gateway of the pair is the edge node, or the role is not known yet.
     pub is_left_to_another: bool,
     /// Times that the primary host went offline while the edge node was born.

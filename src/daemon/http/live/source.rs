@@ -87,6 +87,7 @@ impl Source<'_> {
             is_ok: report.state == Keeps::Ok,
             reason: report.reason,
             moved_aside: report.moved_aside,
+            replaced: report.replaced,
             lost: report.lost,
         });
         Gateway {
@@ -98,6 +99,8 @@ impl Source<'_> {
                 is_contested: mqtt.is_contested(),
                 is_partner_missing: mqtt.counters().partner_online == Some(false),
                 lost_reason: mqtt.lost_reason(),
+                oversized: mqtt.oversized(),
+                clients_gone: mqtt.clients_gone(),
             }),
             journal,
             unreachable: state.socket.as_ref().and_then(|socket| socket.refusal()),

@@ -22,6 +22,14 @@ impl Gateway {
             } else if way.is_partner_missing {
                 said.say(Sign::PartnerMissing, Sentence::new("finding.partner_missing"));
             }
+            if let Some(first) = way.oversized.first() {
+                let text = Sentence::new("finding.oversized").with("topics", way.oversized.len() as u64);
+                let text = text.with("limit", first.limit as u64).with("bytes", first.bytes as u64);
+                said.say(Sign::Oversized, text.with("topic", first.topic.clone()));
+            }
+            if let Some(topic) = &way.clients_gone {
+                said.say(Sign::ClientsGone, Sentence::new("finding.clients_gone").with("topic", topic.clone()));
+            }
         }
         self.journal.iter().for_each(|journal| of_journal(&mut said, journal));
         if let Some(reason) = &self.unreachable {
@@ -43,6 +51,9 @@ fn of_journal(said: &mut Advice, journal: &JournalState) {
     }
     if let Some(path) = &journal.moved_aside {
         said.say(Sign::JournalMovedAside, Sentence::new("finding.journal_moved_aside").with("path", path.to_string()));
+    }
+    if let Some(what) = &journal.replaced {
+        said.say(Sign::JournalReplaced, Sentence::new("finding.journal_replaced").with("what", what.clone()));
     }
     if journal.lost > 0 {
         said.say(Sign::JournalRowsLost, Sentence::new("finding.journal_rows_lost").with("rows", journal.lost));

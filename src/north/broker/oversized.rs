@@ -1,0 +1,100 @@
+//! What is not published because it is larger than the broker takes.
+
+/// A publication that is larger than the broker takes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Oversized {
+    /// Its topic.
+    pub topic: String,
+    /// Bytes of its packet, at most.
+    pub bytes: usize,
+    /// Bytes of the largest packet that the broker takes.
+    pub limit: usize,
+}
+
+/// Most topics that are named.
+const TOPICS_MAX: usize = 64;
+
+/// The topics that are not published at present, each once.
+#[derive(Debug, Default)]
+pub(in crate::north) struct OversizedTopics {
+    all: Vec<Oversized>,
+    /// Topics that were taken by [`next_untold`](Self::next_untold).
+    told: Vec<String>,
+}
+
+impl OversizedTopics {
+    /// Adds a publication, in place of an earlier one on its topic.
+    pub(in crate::north) fn add(&mut self, it: Oversized) {
+        let has_room = self.all.len() < TOPICS_MAX;
+        match self.all.iter_mut().find(|known| known.topic == it.topic) {
+            Some(known) => *known = it,
+            None if has_room => self.all.push(it),
+            None => {}
+        }
+    }
+
+    /// Something is published on `topic`.
+    pub(in crate::north) fn published(&mut self, topic: &str) {
+        if !self.all.is_empty() {
+            self.all.retain(|it| it.topic != topic);
+            self.told.retain(|it| it != topic);
+        }
+    }
+
+    /// A new connection: what is too large for it shows itself.
+    pub(in crate::north) fn forget(&mut self) {
+        self.all.clear();
+    }
+
+    /// All of them.
+    pub(in crate::north) fn all(&self) -> &[Oversized] {
+        &self.all
+    }
+
+    /// One that was not returned yet. However often a topic is left out, it is returned once.
+    pub(in crate::north) fn next_untold(&mut self) -> Option<Oversized> {
+        let new = self.all.iter().find(|it| !self.told.contains(&it.topic))?.clone();
+        if self.told.len() >= TOPICS_MAX {
+            self.told.clear();
+        }
+        self.told.push(new.topic.clone());
+        Some(new)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(topic: &str, bytes: usize) -> Oversized {
+        Oversized { topic: topic.to_owned(), bytes, limit: 2_000 }
+    }
+
+    #[test]
+    fn each_topic_is_named_once_until_it_is_published_again() {
+        let mut list = OversizedTopics::default();
+        for bytes in [2_500, 2_600] {
+            list.add(of("state", bytes));
+        }
+        list.add(of("info", 3_000));
+        assert_eq!(list.all(), [of("state", 2_600), of("info", 3_000)]);
+        let mut told = || std::iter::from_fn(|| list.next_untold()).map(|it| it.topic).collect::<Vec<_>>();
+        assert_eq!((told(), told()), (vec!["state".to_owned(), "info".to_owned()], vec![]));
+        list.forget();
+        list.add(of("state", 2_700));
+        assert_eq!((list.all().len(), list.next_untold()), (1, None), "the next connection");
+        list.published("state");
+        assert_eq!(list.all(), []);
+        list.add(of("state", 2_800));
+        assert_eq!(list.next_untold(), Some(of("state", 2_800)), "news again");
+    }
+
+    #[test]
+    fn it_is_bounded() {
+        let mut list = OversizedTopics::default();
+        for number in 0..1_000 {
+            list.add(of(&number.to_string(), 3_000));
+        }
+        assert_eq!((list.all().len(), std::iter::from_fn(|| list.next_untold()).count()), (TOPICS_MAX, TOPICS_MAX));
+    }
+}
