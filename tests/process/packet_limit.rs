@@ -6,7 +6,7 @@ use super::started::{PATIENCE, until};
 use serde_json::Value;
 
 /// Less than a drive's `state` needs, and more than every other document, command and subscription.
-const LIMIT: u64 = 1_400;
+const LIMIT: u64 = 1_000;
 
 #[test]
 fn what_fits_is_published_commands_get_through_and_the_rest_is_named_with_size_and_limit() {

@@ -5,16 +5,14 @@ use super::events;
 use super::reader;
 use super::rescue::{self, Rescued};
 use super::schema::{self, Made};
-use crate::daemon::host::file_identity::FileIdentity;
 use crate::domain::ids::Name;
 use crate::journal::audit::Change;
 use crate::journal::policy::{self, Share};
 use crate::journal::row::memory_crc;
 use crate::journal::{Book, Remembered, Row, StoredEvent, Table};
-use rusqlite::config::DbConfig;
 use rusqlite::{CachedStatement, Connection, Error, ErrorCode, OpenFlags, Transaction, params};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 /// How long a write waits for another process, such as a person with SQLite's own shell.
@@ -47,7 +45,7 @@ impl From<Error> for Broken {
 /// An open database.
 #[derive(Debug)]
 pub struct Database {
-    connection: Connection,
+    pub(super) connection: Connection,
     /// Distinguishes the numbers of this file from those of another one.
     session: String,
     last_event: u64,
@@ -58,20 +56,6 @@ pub struct Database {
     /// A write failed before this file was opened again: some of it may have been written.
     is_in_doubt: bool,
     most_bytes: u64,
-    /// The files that are open: itself and its log, once that is there.
-    file: Option<FileIdentity>,
-    log: Option<FileIdentity>,
-}
-
-/// What happened to the files of an open database.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Loss {
-    /// There is no file at its path.
-    Deleted,
-    /// Another file is there.
-    Replaced,
-    /// Its log is gone or another one.
-    Log,
 }
 
 /// Up to where a file is known to be written.
@@ -132,55 +116,9 @@ impl Database {
         let found = found(&connection)?;
         let is_synced = false;
         let is_in_doubt = false;
-        let (file, log) = (FileIdentity::at(path), FileIdentity::at(&log_of(path)));
-        let database = Self {
-            connection,
-            session,
-            last_event,
-            last_availability,
-            audit_base,
-            is_synced,
-            is_in_doubt,
-            most_bytes,
-            file,
-            log,
-        };
+        let database =
+            Self { connection, session, last_event, last_availability, audit_base, is_synced, is_in_doubt, most_bytes };
         Ok((database, found))
-    }
-
-    /// What happened to its files at `path` since they were opened; `None`: they are the same.
-    pub fn loss(&mut self, path: &Path) -> Option<Loss> {
-        let file = FileIdentity::at(path);
-        if file != self.file {
-            return Some(if file.is_none() { Loss::Deleted } else { Loss::Replaced });
-        }
-        let log = FileIdentity::at(&log_of(path));
-        if self.log.is_none() {
-            self.log = log;
-        }
-        (log != self.log).then_some(Loss::Log)
-    }
-
-    /// Whether the log at `path` is still its own.
-    #[must_use]
-    pub fn owns_log(&self, path: &Path) -> bool {
-        self.log.is_some() && FileIdentity::at(&log_of(path)) == self.log
-    }
-
-    /// Writes all that it holds into a new file at `path`, whatever became of its own.
-    ///
-    /// # Errors
-    /// SQLite's.
-    pub fn copy_to(&self, path: &Path) -> Result<(), Error> {
-        self.connection.execute("VACUUM INTO ?", [path.to_string_lossy()]).map(drop)
-    }
-
-    /// Has its end leave alone what is at its path, which is of another database by then.
-    pub fn keep_off(&self) {
-        let kept_off = self.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
-        if let Err(error) = kept_off {
-            tracing::debug!(%error, "cannot keep off the log of another journal");
-        }
     }
 
     /// Counts the audit from where an earlier file of this start of the gateway began.
@@ -405,14 +343,6 @@ impl Database {
     pub fn checkpoint(&self) -> Result<(), Error> {
         self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
     }
-}
-
-/// The path of the write-ahead log of the database at `path`.
-#[must_use]
-pub fn log_of(path: &Path) -> PathBuf {
-    let mut log = path.as_os_str().to_owned();
-    log.push("-wal");
-    log.into()
 }
 
 fn put(transaction: &Transaction<'_>, table: Table, row: &Row) -> Result<(), Error> {

@@ -10,6 +10,7 @@ mod database;
 pub mod days;
 mod event_sender;
 mod events;
+mod files;
 mod inbox;
 pub mod listing;
 pub mod origin;

@@ -1,7 +1,8 @@
 //! The database while it can be used. A damaged one is moved aside; one that the system refuses is retried.
 
 use super::aside::move_aside;
-use super::database::{Broken, Database, DatabaseState, Loss, Mark, TakenOver, log_of, rescued};
+use super::database::{Broken, Database, DatabaseState, Mark, TakenOver, rescued};
+use super::files::{Loss, OpenFiles, remove_log};
 use super::rescue::{Standing, standing};
 use super::status::{JournalState, Status};
 use crate::daemon::host::clock;
@@ -25,6 +26,8 @@ pub struct Store {
     max_bytes: u64,
     status: Arc<Status>,
     database: Option<Database>,
+    /// The files of the one that was opened last.
+    files: Option<OpenFiles>,
     /// The audit is numbered after the rows that the first database of this start held.
     audit_base: Option<u64>,
     /// Up to where the file was written when it failed.
@@ -46,6 +49,7 @@ impl Store {
             max_bytes,
             status: Arc::clone(status),
             database: None,
+            files: None,
             audit_base: None,
             mark: None,
             retry_at: MonoTime::ZERO,
@@ -100,6 +104,7 @@ impl Store {
         if let Some(mark) = &self.mark {
             database.resume(mark)?;
         }
+        self.files = Some(OpenFiles::at(&self.path));
         self.database = Some(database);
         Ok(found)
     }
@@ -149,7 +154,8 @@ impl Store {
     /// Looks whether the files of the open database are still those at its path. A process does not notice when somebody
     /// deletes or replaces what it has open, and would go on writing into a file without a name.
     pub fn look(&mut self) {
-        let Some(loss) = self.database.as_mut().and_then(|database| database.loss(&self.path)) else { return };
+        let files = self.files.as_mut().filter(|_| self.database.is_some());
+        let Some(loss) = files.and_then(|files| files.loss(&self.path)) else { return };
         let what = match loss {
             Loss::Deleted => match self.restore() {
                 Ok(()) => "its file was deleted while the gateway ran; all rows were written into a new one".to_owned(),
@@ -159,9 +165,9 @@ impl Store {
             },
             Loss::Replaced => {
                 self.database.iter().for_each(Database::keep_off);
-                let is_left = self.database.as_ref().is_some_and(|database| database.owns_log(&self.path));
+                let is_left = self.files.as_ref().is_some_and(|files| files.has_log(&self.path));
                 self.leave();
-                if is_left && let Err(error) = self.remove_log() {
+                if is_left && let Err(error) = remove_log(&self.path) {
                     tracing::error!(%error, "cannot remove the log of the journal that was replaced");
                 }
                 "its file was replaced while the gateway ran; the one that is there now is continued".to_owned()
@@ -201,19 +207,7 @@ impl Store {
         });
         self.leave();
         copied.map_err(|error| error.to_string())?;
-        self.remove_log().and_then(|()| std::fs::rename(copy, &self.path)).map_err(|error| error.to_string())
-    }
-
-    /// Removes the log of a file that is not there any more: it would be taken for one of the next file.
-    fn remove_log(&self) -> io::Result<()> {
-        let index = PathBuf::from(format!("{}-shm", self.path.display()));
-        for left in [log_of(&self.path), index] {
-            match std::fs::remove_file(left) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => {}
-            }
-        }
-        Ok(())
+        remove_log(&self.path).and_then(|()| std::fs::rename(copy, &self.path)).map_err(|error| error.to_string())
     }
 
     /// Closes the database, and stores up to where it was written.

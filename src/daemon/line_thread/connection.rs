@@ -2,7 +2,7 @@
 //! no lost line: the next request makes a new connection. Only if there is none, or if the server closes one over which
 //! nothing came, the line is down.
 
-use super::LineTask;
+use super::{Connection, LineTask};
 use crate::config::PortAddress;
 use crate::daemon::host::clock;
 use crate::daemon::port::{Opener, Port};
@@ -13,25 +13,12 @@ use tokio::time::timeout;
 /// Longest wait for another connection. Nothing else is done on the line meanwhile, as during an exchange.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
 
-/// What is known of the connection.
-#[derive(Debug, Default)]
-pub(super) struct Connection {
-    /// Valid replies on the line up to its beginning.
-    replies_before: u64,
-    /// The server closes each after one reply.
-    closes_each: bool,
-    /// A frame that waits for the next one.
-    unsent: Option<Vec<u8>>,
-}
-
-impl Connection {
-    /// The port was opened, after so many replies on its line.
-    pub(super) fn opened(&mut self, replies: u64) {
-        *self = Self { replies_before: replies, ..Self::default() };
-    }
-}
-
 impl LineTask<'_> {
+    /// The port was opened.
+    pub(super) fn connection_opened(&mut self) {
+        self.connection = Connection { replies_before: self.core.counters().replies, ..Connection::default() };
+    }
+
     /// Sends a frame, or keeps it for the next connection.
     pub(super) fn transmit(&mut self, device: &mut Port, frame: Vec<u8>) -> io::Result<()> {
         if device.is_parked() {

@@ -24,7 +24,6 @@ use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, LineSetup};
 use crate::journal::Remembered;
-use connection::Connection;
 pub use memory::Memory;
 use opening::LoggedFaults;
 use std::io;
@@ -241,6 +240,17 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
     // A name lookup in progress must not delay the exit.
     runtime.shutdown_background();
     ended
+}
+
+/// What is known of the connection to a Modbus TCP server.
+#[derive(Debug, Default)]
+struct Connection {
+    /// Valid replies on the line up to its beginning.
+    replies_before: u64,
+    /// The server closes each after one reply.
+    closes_each: bool,
+    /// A frame that waits for the next one.
+    unsent: Option<Vec<u8>>,
 }
 
 struct LineTask<'a> {

@@ -76,7 +76,7 @@ impl LineTask<'_> {
             self.to_reopen = None;
             self.announce(&mut uptime, &device);
             self.core.handle(uptime.since, Input::PortUp(device.kind()));
-            self.connection.opened(self.core.counters().replies);
+            self.connection_opened();
             let left = self.serve_port(&mut device, &mut opener, &mut uptime).await;
             let fault = match left {
                 Ok(Left::Closed) => return Ok(()),

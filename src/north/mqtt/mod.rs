@@ -10,6 +10,7 @@
 
 mod answers;
 mod attempts;
+mod broker_limits;
 mod command_ids;
 mod command_json;
 mod counters;

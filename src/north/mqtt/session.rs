@@ -12,14 +12,14 @@ use super::stored::Stored;
 use super::telemetry::Telemetry;
 use super::told::{Mark, Told};
 use super::topics::Topics;
-use super::types::{Act, LeaseMode, Settings};
+use super::types::{Act, Settings};
 use crate::domain::ids::{AskerId, Name};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
 use crate::north::broker::{
-    Broker, Commands, Event, Filter, Issued, LineState, Oversized, OversizedTopics, Path, Publication, Qos, Refusal,
+    Broker, Commands, Event, Filter, Issued, LineState, OversizedTopics, Path, Publication, Qos, Refusal,
 };
 use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
@@ -54,9 +54,9 @@ pub struct Session {
     pub(super) issued: Issued,
     pub(super) started: MonoTime,
     pub(super) path: Path,
-    broker: Broker,
+    pub(super) broker: Broker,
     /// What is larger than it takes.
-    oversized: OversizedTopics,
+    pub(super) oversized: OversizedTopics,
     pub(super) commands: Commands<Context>,
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
@@ -165,7 +165,7 @@ impl Session {
         }
     }
 
-    fn acknowledged(&mut self, token: u64) {
+    pub(super) fn acknowledged(&mut self, token: u64) {
         let number = token & !(DISCOVERY | STORED | HISTORY);
         match token & (DISCOVERY | STORED | HISTORY) {
             DISCOVERY => self.discovery.acknowledged(number),
@@ -339,26 +339,6 @@ impl Session {
         self.topics.filters().into_iter().chain(plant.into_iter().flat_map(|it| it.subscriptions())).collect()
     }
 
-    /// `publication` as this broker accepts it; `None` if it does not. A publication that is too large would end the
-    /// connection again and again.
-    fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
-        let bytes = packet_bytes(&publication);
-        let limit = self.broker.maximum_packet_bytes.filter(|most| bytes > *most);
-        let is_too_large = limit.is_some();
-        match limit {
-            Some(limit) => self.oversized.add(Oversized { topic: publication.topic.clone(), bytes, limit }),
-            None => self.oversized.published(&publication.topic),
-        }
-        let is_clearing = publication.retain && publication.payload.is_empty();
-        if is_too_large || is_clearing && !self.broker.retains {
-            self.counters.too_large += u64::from(is_too_large);
-            publication.token.into_iter().for_each(|token| self.acknowledged(token));
-            return None;
-        }
-        publication.retain &= self.broker.retains;
-        Some(publication)
-    }
-
     /// What is still to be published on an orderly end.
     pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
         self.clock.see(at);
@@ -378,24 +358,6 @@ impl Session {
         self.path.is_alive(at.mono)
     }
 
-    /// The topic that says that the clients of the broker are gone, while it does and a lease depends on it.
-    #[must_use]
-    pub fn clients_gone(&self) -> Option<&str> {
-        let depends = self.are_commanders_gone && self.settings.lease == LeaseMode::Session;
-        self.settings.alive_topic.as_deref().filter(|_| depends)
-    }
-
-    /// What is not published because it is larger than the broker takes.
-    #[must_use]
-    pub fn oversized(&self) -> &[Oversized] {
-        self.oversized.all()
-    }
-
-    /// One of these that is new.
-    pub fn next_oversized(&mut self) -> Option<Oversized> {
-        self.oversized.next_untold()
-    }
-
     /// The counters so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
@@ -413,12 +375,4 @@ pub(super) fn goodbye(topic: String) -> Publication {
     let payload = b"offline".to_vec();
     let qos = Qos::AtLeastOnce;
     Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None }
-}
-
-/// No packet with this publication is larger.
-fn packet_bytes(publication: &Publication) -> usize {
-    // Fixed header 5, topic length 2, packet identifier 2, properties 4 and in them expiry 5, correlation 3 and more.
-    const OTHER_BYTES: usize = 32;
-    let correlation = publication.correlation.as_ref().map_or(0, Vec::len);
-    publication.topic.len() + publication.payload.len() + correlation + OTHER_BYTES
 }

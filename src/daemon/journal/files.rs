@@ -1,0 +1,91 @@
+//! The files of an open database, which somebody may delete or replace.
+
+use super::database::Database;
+use crate::daemon::host::file_identity::FileIdentity;
+use rusqlite::Error;
+use rusqlite::config::DbConfig;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The files that are open: the database and its log, once that is there.
+#[derive(Debug)]
+pub struct OpenFiles {
+    file: Option<FileIdentity>,
+    log: Option<FileIdentity>,
+}
+
+/// What happened to them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loss {
+    /// There is no file at the path.
+    Deleted,
+    /// Another file is there.
+    Replaced,
+    /// The log is gone or another one.
+    Log,
+}
+
+impl OpenFiles {
+    /// Those of the database that was just opened at `path`.
+    #[must_use]
+    pub fn at(path: &Path) -> Self {
+        Self { file: FileIdentity::at(path), log: FileIdentity::at(&log_of(path)) }
+    }
+
+    /// What happened to them since; `None`: they are the same.
+    pub fn loss(&mut self, path: &Path) -> Option<Loss> {
+        let file = FileIdentity::at(path);
+        if file != self.file {
+            return Some(if file.is_none() { Loss::Deleted } else { Loss::Replaced });
+        }
+        let log = FileIdentity::at(&log_of(path));
+        if self.log.is_none() {
+            self.log = log;
+        }
+        (log != self.log).then_some(Loss::Log)
+    }
+
+    /// Whether the log at `path` is still the one that was opened.
+    #[must_use]
+    pub fn has_log(&self, path: &Path) -> bool {
+        self.log.is_some() && FileIdentity::at(&log_of(path)) == self.log
+    }
+}
+
+impl Database {
+    /// Writes all that it holds into a new file at `path`, whatever became of its own.
+    ///
+    /// # Errors
+    /// SQLite's.
+    pub fn copy_to(&self, path: &Path) -> Result<(), Error> {
+        self.connection.execute("VACUUM INTO ?", [path.to_string_lossy()]).map(drop)
+    }
+
+    /// Has its end leave alone what is at its path, which is of another database by then.
+    pub fn keep_off(&self) {
+        let kept_off = self.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
+        if let Err(error) = kept_off {
+            tracing::debug!(%error, "cannot keep off the log of another journal");
+        }
+    }
+}
+
+/// Removes the log of a file that is not at `path` any more: it would be taken for one of the next file.
+///
+/// # Errors
+/// The system's.
+pub fn remove_log(path: &Path) -> io::Result<()> {
+    let index = PathBuf::from(format!("{}-shm", path.display()));
+    for left in [log_of(path), index] {
+        match std::fs::remove_file(left) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// The path of the write-ahead log of the database at `path`.
+fn log_of(path: &Path) -> PathBuf {
+    PathBuf::from(format!("{}-wal", path.display()))
+}
