@@ -54,6 +54,7 @@
 //! | `kept_trends` | trends survive a kill, and the page draws them |
 //! | `many_drives` | the page with many drives: no stop moves, problems come first, drives are found, no barrier |
 //! | `languages` | the page in another language: all of it, numbers as they were typed, and no stop moves |
+//! | `unseen` | the page in a real browser: a motor that may still run where it is not seen, and names that are long |
 //! | `looking` | the page in a real browser: what it shows, signing in, start, stop, trip, a gateway that is lost |
 //! | `losing` | the commander, the broker or the gateway is gone, and the motor does not run on |
 //! | `uniform` | the uniform unit and the exceptions as Modbus clients see them |
@@ -237,6 +238,8 @@ mod trying;
 mod uniform;
 #[path = "process/unplugging.rs"]
 mod unplugging;
+#[path = "process/unseen.rs"]
+mod unseen;
 #[path = "process/usage.rs"]
 mod usage;
 #[path = "process/vendors.rs"]

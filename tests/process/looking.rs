@@ -15,7 +15,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// How long the page may be silent before the drive is stopped: longer than a busy machine takes to load it anew.
-const LOST_AFTER: Duration = Duration::from_secs(8);
+pub const LOST_AFTER: Duration = Duration::from_secs(8);
 /// Longer than an order may be on its way, and shorter than the page waits until it takes the gateway for lost.
 const STALL: Duration = Duration::from_secs(3);
 /// How often the first paint is measured.
@@ -43,26 +43,37 @@ pub struct Shop {
 impl Shop {
     /// With `users` somebody may sign in.
     pub fn open(users: bool) -> Self {
+        Self::of(users, &["pump-1"])
+    }
+
+    /// The same with drives of these names, at stations from 1 on.
+    pub fn of(users: bool, names: &[&str]) -> Self {
         let place = Place::new();
         let port = place.file("line");
         let mut simulate = program();
         simulate
             .args(["simulate", "--model", "hyundai-n700", "--baud", "38400", "--trip-on-enter", "--link"])
             .arg(&port);
+        (1..=names.len()).for_each(|station| drop(simulate.args(["--station", &station.to_string()])));
         let drive = Started::at_a_keyboard(simulate);
         drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         std::fs::create_dir(place.file("data")).unwrap();
+        let (from, seconds) = (if users { "page" } else { "mqtt" }, LOST_AFTER.as_secs());
+        let drive_of = |(station, name): (usize, &&str)| {
+            format!(
+                "[[line.drive]]\nname = \"{name}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"100ms\"\n\n\
+                 [line.drive.control]\nfrom = [\"{from}\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
+                 directions = [\"forward\", \"reverse\"]\non_commander_lost = \"stop\"\nlost_after = \"{seconds}s\"\n\
+                 on_shutdown = \"stop\"\n\n"
+            )
+        };
+        let drives: String = (1..).zip(names).map(drive_of).collect();
         let mut text = format!(
             "[gateway]\nname = \"shop\"\ndata_dir = \"{}\"\n\n[[line]]\nname = \"hall-1\"\nport = \"{}\"\nbaud = 38400\n\n\
-             [[line.drive]]\nname = \"pump-1\"\nmodel = \"hyundai-n700\"\nstation = 1\npoll = \"100ms\"\n\n\
-             [line.drive.control]\nfrom = [\"{}\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
-             directions = [\"forward\", \"reverse\"]\non_commander_lost = \"stop\"\nlost_after = \"{}s\"\n\
-             on_shutdown = \"stop\"\n\n[http]\nlisten = \"{http}\"\n",
+             {drives}[http]\nlisten = \"{http}\"\n",
             place.file("data").display(),
             port.display(),
-            if users { "page" } else { "mqtt" },
-            LOST_AFTER.as_secs(),
         );
         if users {
             let hash = hashed(PASSWORD);
@@ -138,7 +149,7 @@ pub fn in_card(css: &str) -> String {
 }
 
 /// A button of the card with this on it.
-fn mark(browser: &Browser, label: &str) -> String {
+pub fn mark(browser: &Browser, label: &str) -> String {
     let find = format!(
         "const all = [...document.querySelectorAll('{CARD} button')]; \
          all.find((button) => button.textContent.includes({label:?})).id = 'wanted';"
@@ -157,7 +168,7 @@ pub fn sign_in(browser: &Browser, password: &str) {
 }
 
 /// Sets the frequency and starts the drive forward from its card.
-fn start_forward(browser: &Browser, hertz: &str) {
+pub fn start_forward(browser: &Browser, hertz: &str) {
     browser.fill(&in_card("input"), hertz);
     browser.hold(&mark(browser, "Forward"));
     browser.wait_for_text(&in_card(".state"), "FORWARD");
@@ -170,6 +181,15 @@ fn output_hz(browser: &Browser) -> f64 {
 /// What sticks out can only be seen by scrolling sideways. A chart follows a new width of its panel in the next frame.
 pub fn assert_nothing_sticks_out(browser: &Browser) {
     browser.wait("document.documentElement.scrollWidth === document.documentElement.clientWidth");
+}
+
+/// No text of the page is a word of a program for what is not there.
+pub fn assert_no_program_words(browser: &Browser) {
+    let script = "const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT); const found = []; \
+                  while (walker.nextNode()) { const { data, parentElement } = walker.currentNode; \
+                  if (!parentElement.closest('script, noscript, pre') && /null|undefined|NaN|false/.test(data)) \
+                  found.push(data); } return found";
+    assert_eq!(browser.script(script), serde_json::json!([]));
 }
 
 #[test]
@@ -187,6 +207,7 @@ fn the_page_shows_the_drive_at_once_and_commands_nothing_unasked() {
     for panel in ["trend", "journal", "traffic", "report"] {
         browser.click(&format!("#tab-{panel}"));
         assert!(browser.is_seen(&format!("#{panel}")), "{panel}");
+        assert_no_program_words(&browser);
     }
     let painted = || {
         let paint = browser.script("return performance.getEntriesByName('first-contentful-paint')[0].startTime");

@@ -3,7 +3,7 @@
 use super::chromium::{Browser, Window};
 use super::commissioning::Site;
 use super::initialising::{MODELS, Yard};
-use super::looking::{PASSWORD, browser_at, sign_in};
+use super::looking::{PASSWORD, assert_no_program_words, browser_at, sign_in};
 use super::many_drives::{barriers, load_axe};
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
@@ -67,6 +67,7 @@ impl Person {
             found.as_str().unwrap().starts_with(title).then_some(())
         });
         assert_eq!(barriers(&self.browser), json!([]), "{title}");
+        assert_no_program_words(&self.browser);
     }
 
     fn text(&self, css: &str) -> String {

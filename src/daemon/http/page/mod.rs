@@ -67,7 +67,7 @@ impl Served {
 
 /// The files, and each chapter of each language, such as `setup.de.json`.
 static SERVED: LazyLock<Vec<Served>> = LazyLock::new(|| {
-    let files = FILES.iter().copied().flatten().map(|file| Served::new(file.name, file.media_type, file.bytes));
+    let files = FILES.iter().copied().flatten().map(|file| Served::new(file.name, file.media_type, lean(file)));
     let chapters = CATALOGUES.into_iter().flat_map(|catalogue| {
         Chapter::ALL.map(|chapter| {
             let name = format!("{}.{}.json", chapter.word(), catalogue.language);
@@ -76,6 +76,27 @@ static SERVED: LazyLock<Vec<Served>> = LazyLock::new(|| {
     });
     files.chain(chapters).collect()
 });
+
+/// The content of a file without what only its authors read: indents and lines that are comments. Third-party files are left
+/// as they are.
+fn lean(file: &File) -> Cow<'static, [u8]> {
+    let has_comments = file.name.ends_with(".js") || file.name.ends_with(".css");
+    let text = match std::str::from_utf8(file.bytes) {
+        Ok(text) if has_comments && !file.name.starts_with("uplot") => text,
+        _ => return file.bytes.into(),
+    };
+    let mut kept = String::with_capacity(text.len());
+    let mut in_comment = false;
+    for line in text.lines().map(str::trim) {
+        in_comment |= line.starts_with("/*");
+        if !in_comment && !line.is_empty() && !line.starts_with("//") {
+            kept += line;
+            kept.push('\n');
+        }
+        in_comment &= !line.ends_with("*/");
+    }
+    kept.into_bytes().into()
+}
 
 /// The page at `/`, and what it needs below `/assets/`. `/open/` leads to it: the app that was installed from the page
 /// starts there, and only there its worker may answer that the gateway is not reached.

@@ -48,9 +48,33 @@ fn every_file_is_served_and_all_are_small() {
     }
 }
 
+#[test]
+fn a_file_is_served_without_indents_and_comments_and_is_the_same_otherwise() {
+    let bytes: &[u8] =
+        b"// One.\n\n/** Two,\n * and three. */\nconst a = 1; // Four.\n/* Five. */\n  if (a) {\n    b();\n  }\n";
+    let file = |name| File { name, media_type: "", bytes };
+    assert_eq!(&*lean(&file("a.js")), b"const a = 1; // Four.\nif (a) {\nb();\n}\n");
+    assert_eq!(&*lean(&file("uplot.js")), bytes);
+    for file in files().filter(|file| !is_vendored(file) && file.name.ends_with(".js")) {
+        let is_text_open = |line: &&str| line.replace("\"`\"", "").matches('`').count() % 2 == 1;
+        let is_open = |line: &&str| is_text_open(line) || (line.contains("*/") && !line.ends_with("*/"));
+        let found: Vec<_> = text(file).lines().filter(is_open).collect();
+        assert!(found.is_empty(), "{}: a text or a comment over several lines: {found:?}", file.name);
+    }
+}
+
 /// The quoted texts after `mark`.
 fn quoted_behind<'t>(text: &'t str, mark: &str) -> Vec<&'t str> {
     text.split(mark).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+}
+
+#[test]
+fn parts_that_are_not_there_are_left_out_in_one_place() {
+    for file in files().filter(|file| !is_vendored(file) && file.name.ends_with(".js") && file.name != "dom.js") {
+        for way in [".append(", ".replaceChildren(", ".insertAdjacent", "innerHTML"] {
+            assert!(!text(file).contains(way), "{}: {way} shows `null` and `false`; use `add` or `fill`", file.name);
+        }
+    }
 }
 
 #[test]

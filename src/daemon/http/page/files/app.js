@@ -1,6 +1,6 @@
 // The page: what the gateway tells goes to its parts.
 
-import { announce, attribute, h, show, text } from "./dom.js";
+import { announce, attribute, fill, h, show, text } from "./dom.js";
 import * as drives from "./drives.js";
 import * as filter from "./filter.js";
 import * as footer from "./footer.js";
@@ -82,7 +82,7 @@ function take_gateway(gateway) {
     [mqtt?.contested, t("gateway.contested")],
     [kept?.reason, t("gateway.journal", { reason: words(kept?.reason) })],
   ];
-  at("states").replaceChildren(...states.filter(([is]) => is).map(([, label]) => h("li", {}, label)));
+  fill(at("states"), ...states.filter(([is]) => is).map(([, label]) => h("li", {}, label)));
 }
 
 function take_names(told) {

@@ -12,6 +12,7 @@ const ACTIONS = [
   ["forward", t("action.forward"), "run", { run: "forward" }],
   ["reset", t("action.reset"), "plain", { reset: true }],
   ["take", t("action.take"), "plain", { take: true }],
+  ["standstill", t("action.standstill"), "plain", {}],
 ];
 
 /** The controls of one drive. */
@@ -69,8 +70,9 @@ export class Controls {
     return value >= this.control.min_hz && value <= this.control.max_hz ? value : null;
   }
 
-  update({ control, trip, presence, group, standby }, is_live) {
+  update({ control, trip, presence, group, standby, may_still_run }, is_live) {
     this.control = control;
+    this.may_still_run = may_still_run === true;
     this.may_be_tripped = trip?.active === true || (trip?.active !== false && presence === "online");
     // A stop goes to the line, which decides.
     this.is_live = is_live && standby !== "listening";
@@ -96,12 +98,18 @@ export class Controls {
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
-      show(hold.element, can.includes(word));
+      show(hold.element, this.is_offered(word, kind));
       // What would be run at a number that is not allowed is not run at all.
       const is_on = this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
       hold.rename(kind === "run" && draft !== null ? t("action.at", { action: label, hertz: draft }) : label);
     }
+  }
+
+  /** In place of starting a drive that is out of sight, a person can say that its motor stands. */
+  is_offered(word, kind) {
+    if (word === "standstill") return this.may_still_run;
+    return this.control.can.includes(word) && !(kind === "run" && this.may_still_run);
   }
 
   /** There is something to reset, or to take. */
@@ -118,13 +126,13 @@ export class Controls {
     }
     this.tell("pending", t("command.sent", { command: words(word) }));
     const { lost_after_s } = this.control;
-    const answer = await session.command(this.drive, body);
+    const answer = word === "standstill" ? await session.standstill(this.drive) : await session.command(this.drive, body);
     const { outcome } = answer;
     const is_good = outcome === "acknowledged" || outcome === "confirmed";
     this.tell(is_good ? "good" : "bad", `${words(word)} ${session.outcome_text(answer)}`, !is_good);
     if (is_good && body.frequency_hz !== undefined && this.draft() === body.frequency_hz) this.input.value = "";
     const is_stop = word === "stop" || word === "coast";
-    if (TAKEN.has(outcome) && !is_stop && word !== "reset") leases.begin(this.drive, lost_after_s);
+    if (TAKEN.has(outcome) && !is_stop && word !== "reset" && word !== "standstill") leases.begin(this.drive, lost_after_s);
     this.draw();
   }
 

@@ -11,8 +11,19 @@ export function h(name, attributes = {}, ...children) {
       element.setAttribute(key, value === true ? "" : String(value));
     }
   }
+  return add(element, ...children);
+}
+
+/** Adds children. Parts that are not there (null, undefined, false) are left out, here and nowhere else. */
+export function add(element, ...children) {
   element.append(...children.filter((child) => child !== null && child !== undefined && child !== false));
   return element;
+}
+
+/** Puts these children in place of all others. */
+export function fill(element, ...children) {
+  element.replaceChildren();
+  return add(element, ...children);
 }
 
 /** Sets the text of an element if it is another one. */

@@ -1,7 +1,7 @@
 // A card for each drive.
 
 import { Controls } from "./control.js";
-import { announce, attribute, h, keyed, reshape, shape, show, text } from "./dom.js";
+import { announce, attribute, fill, h, keyed, reshape, shape, show, text } from "./dom.js";
 import * as leases from "./leases.js";
 import { number, recent, role, span, t, unit, value_label, words } from "./texts.js";
 import { before } from "./trip_history.js";
@@ -112,6 +112,9 @@ class Card {
     this.about = h("p", { class: "about" });
     this.output = h("span", { class: "number" });
     this.setpoint = h("span", { class: "number" });
+    this.lost = h("p", { class: "headline" }, t("unseen.title"));
+    this.last_seen = h("p");
+    this.unseen = h("div", { class: "unseen-run", hidden: true }, this.lost, this.last_seen, h("p", { class: "go" }, t("unseen.go")));
     this.trip = h("p", { class: "trip" });
     this.at_trip = h("p", { class: "trip" });
     this.before = h("p", { class: "trip", hidden: true });
@@ -130,10 +133,11 @@ class Card {
     this.element = h(
       "article",
       { class: "card drive", id, tabindex: "-1", "aria-labelledby": `${id}-name` },
-      h("header", {}, h("h3", { id: `${id}-name`, title: name }, this.open), h("p", { class: "state" }, this.shape, this.state), close),
+      h("header", {}, h("h3", { id: `${id}-name` }, this.open), h("p", { class: "state" }, this.shape, this.state), close),
       // Above all that comes and goes: a hand that is on its way finds it where it was.
       this.controls.stops,
       this.about,
+      this.unseen,
       h(
         "div",
         { class: "figures" },
@@ -169,6 +173,7 @@ class Card {
     if (news.oldest_ms !== undefined) this.aged = now;
     this.drive = drive;
     leases.observe(drive);
+    if (drive.may_still_run && !before?.may_still_run) announce(`${this.name}: ${t("unseen.title")}. ${t("unseen.go")}`, true);
     if (before && before.run_state !== drive.run_state && drive.run_state !== "tripped") {
       announce(`${this.name}: ${words(drive.run_state)}`);
     }
@@ -194,6 +199,7 @@ class Card {
     text(this.about, t("drive.about", { model: title ? `${vendor} ${title}` : model, line, station: station ?? words("unknown") }));
     this.figure(this.output, drive.output_frequency_hz);
     this.figure(this.setpoint, drive.setpoint_hz);
+    this.draw_unseen(drive);
     this.draw_trip(drive);
     this.draw_marks(drive);
     if (this.is_whole()) this.draw_values(drive);
@@ -209,6 +215,17 @@ class Card {
   figure(element, value) {
     text(element, number(value, 2));
     element.classList.toggle("none", value === null || value === undefined);
+  }
+
+  /** A motor that may turn where the gateway does not see it is told in place of all that is not known any more. */
+  draw_unseen({ may_still_run, last_seen }) {
+    this.element.classList.toggle("unseen-drive", may_still_run === true);
+    show(this.unseen, may_still_run === true);
+    if (!may_still_run) return;
+    if (!last_seen) return text(this.last_seen, t("unseen.never"));
+    const { run_state, output_hz, at } = last_seen;
+    const state = [words(run_state), typeof output_hz === "number" ? `${number(output_hz, 2)} Hz` : null].filter(Boolean).join(" ");
+    text(this.last_seen, t("unseen.last", { state, at: recent(at) }));
   }
 
   draw_trip({ trip }) {
@@ -251,7 +268,7 @@ class Card {
       [presence === "offline", "bad", t("mark.offline")],
       [standby === "listening", "info", t("mark.standby")],
       [control?.not_effective, "bad", t("mark.not_effective")],
-      [control?.failsafe, "bad", t("mark.failsafe")],
+      [control?.failsafe, "bad", t(`mark.failsafe.${control?.failsafe?.stage}`)],
       [control?.stop_pending, "bad", t("mark.stop_pending")],
       [status?.local === true, "warn", t("mark.local")],
       [status?.alarm === true, "warn", t("mark.alarm")],
@@ -267,7 +284,7 @@ class Card {
     const wanted = marks.map(([, kind, label]) => `${kind}:${label}`).join("|");
     if (this.marks.dataset.shown === wanted) return;
     this.marks.dataset.shown = wanted;
-    this.marks.replaceChildren(...marks.map(([, kind, label]) => h("li", { class: kind }, label)));
+    fill(this.marks, ...marks.map(([, kind, label]) => h("li", { class: kind }, label)));
   }
 
   draw_values({ values = [], usage }) {
@@ -292,17 +309,18 @@ class Card {
     [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(now));
     const oldest_ms = drive.oldest_ms ?? null;
     text(this.age, oldest_ms === null ? t("drive.no_fresh_value") : t("drive.oldest", { age: span(oldest_ms + now - this.aged) }));
-    this.draw_owner(drive.control, now - (drive.control?.taken ?? now));
+    this.draw_owner(drive, now - (drive.control?.taken ?? now));
   }
 
-  draw_owner(control, since) {
+  draw_owner({ control, may_still_run }, since) {
     show(this.owner, Boolean(control));
     if (!control) return;
     const every_ms = leases.every_ms(this.name);
     const left = control.lease_left_ms === null ? "" : `, ${t("owner.lease", { left: span(Math.max(0, control.lease_left_ms - since)) })}`;
     const is_run = control.intent === "forward" || control.intent === "reverse";
     const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
-    const order = is_run || control.owner ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
+    // What is ordered does not reach a drive that is out of sight.
+    const order = (is_run || control.owner) && !may_still_run ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
     if (!control.owner) text(this.owner, `${t("owner.none")}${order}`);
     else if (every_ms === null) text(this.owner, `${t("owner.client", { owner: control.owner })}${left}${order}`);
     else text(this.owner, `${t("owner.tab", { every: span(every_ms) })}${left}${order}`);

@@ -1,6 +1,6 @@
 // What is asked for rather than told: documents of the gateway, and choices that follow its drives and lines.
 
-import { h } from "./dom.js";
+import { fill, h } from "./dom.js";
 import { t } from "./texts.js";
 
 const TIMEOUT_MS = 15_000;
@@ -30,7 +30,7 @@ export function choices(select, names, first = null) {
   const shown = [...select.options].map((option) => option.value);
   if (shown.join("\n") === wanted.map(([value]) => value).join("\n")) return;
   const chosen = select.value;
-  select.replaceChildren(...wanted.map(([value, label]) => h("option", { value }, label)));
+  fill(select, ...wanted.map(([value, label]) => h("option", { value }, label)));
   if (wanted.some(([value]) => value === chosen)) select.value = chosen;
 }
 

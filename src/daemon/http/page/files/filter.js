@@ -1,6 +1,6 @@
 // Which drives are shown: all, those in one state, on one line or in one group, or those whose name or model has a word.
 
-import { attribute, h, show } from "./dom.js";
+import { add, attribute, fill, h, show } from "./dom.js";
 import * as drives from "./drives.js";
 import { number, t, words } from "./texts.js";
 
@@ -24,7 +24,7 @@ export function start(element, list) {
   box = element;
   input = h("input", { type: "search", placeholder: t("filter.name"), "aria-label": t("filter.with"), autocomplete: "off", input: apply });
   part = h("select", { "aria-label": t("filter.of"), change: apply });
-  box.append(part, input);
+  add(box, part, input);
 }
 
 /** Offers the lines and groups of these drives. */
@@ -33,7 +33,7 @@ export function parts(all) {
   const sorts = [["line", t("lines")], ["group", t("groups")]].map(([key, label]) => [key, label, [...new Set(all.map((drive) => drive[key]).filter(Boolean))].sort()]);
   const options = sorts.filter(([key, , names]) => names.length > (key === "line" ? 1 : 0)).map(([key, label, names]) =>
     h("optgroup", { label }, ...names.map((name) => h("option", { value: `${key}:${name}` }, name))));
-  part.replaceChildren(h("option", { value: "" }, t("filter.all")), ...options);
+  fill(part, h("option", { value: "" }, t("filter.all")), ...options);
   part.value = wanted;
   if (part.value !== wanted) part.value = "";
   show(part, options.length > 0);
@@ -50,7 +50,7 @@ export function count(all) {
   if (counts.dataset.shown === wanted) return;
   counts.dataset.shown = wanted;
   const focused = counts.contains(document.activeElement) ? document.activeElement.dataset.state : null;
-  counts.replaceChildren(...shown.map(([word, it]) => h("li", {}, button(word, it))));
+  fill(counts, ...shown.map(([word, it]) => h("li", {}, button(word, it))));
   if (focused) counts.querySelector(`button[data-state="${focused}"]`)?.focus();
 }
 

@@ -1,11 +1,11 @@
 // The choice of the language.
 
-import { h } from "./dom.js";
+import { add, h } from "./dom.js";
 import { LANGUAGES, choose, language } from "./texts.js";
 
 /** Fills the choice inside `select`. */
 export function start(select) {
   const option = ([code, name]) => h("option", { value: code, lang: code, selected: code === language }, name);
-  select.append(...Object.entries(LANGUAGES).map(option));
+  add(select, ...Object.entries(LANGUAGES).map(option));
   select.addEventListener("change", () => choose(select.value));
 }

@@ -1,6 +1,6 @@
 // Trips and audit: what the journal keeps, filtered, and to be taken away as a file.
 
-import { attribute, h, show, text } from "./dom.js";
+import { add, attribute, fill, h, show, text } from "./dom.js";
 import { choices, document_at, labelled, query, table } from "./fetched.js";
 import { moment, t, words } from "./texts.js";
 
@@ -28,7 +28,8 @@ export class Journal {
     this.body = body;
     this.row = row;
     this.is_open = false;
-    element.append(
+    add(
+      element,
       h(
         "div",
         { class: "tools" },
@@ -77,7 +78,7 @@ export class Journal {
     if (path !== this.path(SHOWN, "json")) return;
     const rows = answer?.rows ?? [];
     const latest_first = [...rows].sort((one, other) => (one.at < other.at ? 1 : one.at > other.at ? -1 : 0));
-    this.body.replaceChildren(...latest_first.map((kept) => this.shown(kept)));
+    fill(this.body, ...latest_first.map((kept) => this.shown(kept)));
     const count = rows.length === 0 ? t("journal.none") : t(rows.length === SHOWN ? "journal.latest" : "journal.rows", { count: rows.length });
     text(this.message, error ?? count);
   }

@@ -1,6 +1,6 @@
 // Cards or rows, and in which order.
 
-import { attribute, h, show } from "./dom.js";
+import { add, attribute, h, show } from "./dom.js";
 import * as drives from "./drives.js";
 import { keep, kept } from "./kept.js";
 import { t } from "./texts.js";
@@ -38,7 +38,7 @@ export function start(element, list) {
   place = list;
   order = h("select", { change: sort }, ...ORDERS.map(([word, label]) => h("option", { value: word }, label)));
   rows = h("button", { type: "button", class: "plain", click: choose }, t("layout.rows"));
-  tools.append(h("label", { class: "choice" }, h("span", {}, t("layout.order")), order), rows);
+  add(tools, h("label", { class: "choice" }, h("span", {}, t("layout.order")), order), rows);
   PHONE.addEventListener("change", apply);
   addEventListener("hashchange", () => drives.redraw());
   document.addEventListener("keydown", ({ key }) => key === "Escape" && leave());

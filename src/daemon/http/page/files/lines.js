@@ -68,7 +68,7 @@ class Line {
     attribute(this.element, "data-state", is_up ? (line.is_suspended ? "suspended" : "up") : "down");
     reshape(this.shape, is_up ? "good" : "problem");
     const standby = line.standby ? ` · ${t("line.standby")}: ${words(line.standby.role)}` : "";
-    text(this.state, `${is_up ? words("up") : `${words("down")}${reason ? `: ${reason}` : ""}`}${standby}`);
+    text(this.state, `${words(is_up ? "up" : "down")}${standby}`);
     const link = [line.link, String(line.framing ?? "").toUpperCase()].filter(Boolean).join(" ");
     text(this.about, `${line.port} · ${link} · ${t("drives", { count: line.drives?.length ?? 0 })}`);
     const use = line.use_per_cent;
@@ -81,7 +81,7 @@ class Line {
     text(this.cells.silent, within(stop_ms.one_silent));
     text(this.cells.seen, within(stop_ms.longest_seen));
     const suspended = line.is_suspended ? t("line.suspended") : "";
-    const suspicion = [suspended, sentence_of({ said: line.suspicion_said, text: line.suspicion })].filter(Boolean).join(" · ");
+    const suspicion = [is_up ? null : reason, suspended, sentence_of({ said: line.suspicion_said, text: line.suspicion })].filter(Boolean).join(" · ");
     show(this.suspicion, suspicion !== "");
     text(this.suspicion, suspicion);
     show(this.yield.element, line.standby?.role === "active" && session.may_maintain());

@@ -1,6 +1,6 @@
 // Notifications of the browser, for those who want them: each new problem, while the page is not looked at.
 
-import { attribute, h, show } from "./dom.js";
+import { add, attribute, h, show } from "./dom.js";
 import { keep, kept } from "./kept.js";
 import { t } from "./texts.js";
 
@@ -15,7 +15,7 @@ let known = null;
 export function start(element) {
   button = h("button", { type: "button", class: "link", click: choose }, t("notify.offer"));
   show(button, "Notification" in window && isSecureContext);
-  element.append(button);
+  add(element, button);
   draw();
 }
 

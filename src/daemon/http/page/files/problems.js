@@ -1,12 +1,14 @@
 // What is wrong or could be better: the worst and newest first, the same for many drives in one row.
 
-import { h, prose, shape, show, text } from "./dom.js";
+import { add, fill, h, prose, shape, show, text } from "./dom.js";
 import * as notify from "./notify.js";
 import { outcome_text } from "./session.js";
 import { number, sentence_of, t, words } from "./texts.js";
 
 const NAMES_MAX = 4;
 const RANKS = { problem: 0, hint: 1, good: 2 };
+/** Before all else: a motor may turn where the gateway does not see it. */
+const FIRST = "may_still_run";
 /** Where a drive's own name is in a sentence that others share. */
 const NAME = "\u0000";
 
@@ -21,7 +23,7 @@ export function start(element, title) {
   heading = title;
   outcome = h("div", { class: "outcome", id: "stop-results", role: "group", "aria-label": t("stop_all.outcome"), hidden: true });
   list = h("ul", { class: "advice" });
-  element.append(outcome, list);
+  add(element, outcome, list);
 }
 
 /** Shows what the gateway finds; returns how many problems there are. */
@@ -33,9 +35,9 @@ export function advise(advice) {
   const wanted = JSON.stringify(rows);
   if (wanted === shown) return problems;
   shown = wanted;
-  list.replaceChildren(...rows.map(row));
+  fill(list, ...rows.map(row));
   if (rows.length === 0) {
-    list.append(h("li", { class: "good" }, shape("good"), h("span", {}, t("advice.none"))));
+    add(list, h("li", { class: "good" }, shape("good"), h("span", {}, t("advice.none"))));
   }
   text(heading, problems === 0 ? t("advice.title") : `${t("advice.title")} (${number(problems)})`);
   return problems;
@@ -50,7 +52,7 @@ function folded(advice) {
     const sentence = sentence_of(finding);
     const general = drive ? sentence.replaceAll(` ${drive}\``, ` ${NAME}\``) : sentence;
     const key = [severity, sign, drive ? "" : line, general].join("|");
-    const row = rows.get(key) ?? { severity, sentence, of: [], at: 0 };
+    const row = rows.get(key) ?? { severity, sign, sentence, of: [], at: 0 };
     const own = `${key}|${drive}`;
     if (!seen_at.has(own)) seen_at.set(own, now);
     row.at = Math.max(row.at, seen_at.get(own));
@@ -61,18 +63,19 @@ function folded(advice) {
   const present = new Set([...rows.values()].flatMap((row) => row.keys));
   for (const key of seen_at.keys()) if (!present.has(key)) seen_at.delete(key);
   // The gateway ranks what it finds; what it ranks equally is shown with the newest first.
+  const rank = ({ sign, severity }) => (sign === FIRST ? -1 : RANKS[severity]);
   return [...rows.values()]
-    .sort((one, other) => RANKS[one.severity] - RANKS[other.severity] || other.at - one.at)
-    .map(({ severity, sentence, of }) => ({ severity, sentence, of: of.filter(Boolean) }));
+    .sort((one, other) => rank(one) - rank(other) || other.at - one.at)
+    .map(({ severity, sign, sentence, of }) => ({ severity, sign, sentence, of: of.filter(Boolean) }));
 }
 
-function row({ severity, sentence, of }) {
+function row({ severity, sign, sentence, of }) {
   const kind = severity === "problem" ? "problem" : "advice";
   const first = of.slice(0, NAMES_MAX);
   const names = first.flatMap(({ name, id }, index) => [index > 0 ? ", " : "", h("a", { href: `#${id}` }, name)]);
   const more = of.length > first.length ? ` ${t("advice.more", { count: of.length - first.length })}` : "";
   const place = of.length > 0 ? h("b", {}, ...names, more) : null;
-  return h("li", { class: kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${words(kind)}: `), place, place ? " " : "", ...prose(sentence)));
+  return h("li", { class: sign === FIRST ? `${kind} first` : kind }, shape(kind), h("span", {}, h("span", { class: "unseen" }, `${words(kind)}: `), place, place ? " " : "", ...prose(sentence)));
 }
 
 /** Shows that a stop for all was sent. */
@@ -93,7 +96,7 @@ export function stopped(told, took_ms) {
 }
 
 function tell(...parts) {
-  outcome.replaceChildren(...parts.filter(Boolean));
+  fill(outcome, ...parts);
   show(outcome, true);
   outcome.parentElement.scrollTop = 0;
 }

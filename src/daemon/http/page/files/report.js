@@ -1,6 +1,6 @@
 // What a line says about itself: what is good, what is not, and how fast its drives answer.
 
-import { h, prose, shape, show, text } from "./dom.js";
+import { add, fill, h, prose, shape, show, text } from "./dom.js";
 import { choices, document_at, labelled, table } from "./fetched.js";
 import * as session from "./session.js";
 import { number, sentence_of, t, words } from "./texts.js";
@@ -28,7 +28,8 @@ export class Panel {
     this.pack = h("button", { type: "button", class: "plain", click: () => this.save() }, t("report.save"));
     session.changed(() => show(this.pack, session.may_maintain()));
     show(this.pack, session.may_maintain());
-    element.append(
+    add(
+      element,
       h("div", { class: "tools" }, labelled(t("line"), this.line), this.pack),
       this.message,
       this.verdict,
@@ -73,15 +74,16 @@ export class Panel {
     const reason = answer.reason ? `: ${sentence_of({ said: answer.reason_said, text: answer.reason })}` : "";
     const observed = t("report.observed", { seconds: number(answer.observed_s, 0) });
     text(this.message, [`${words(answer.state)}${reason}`, answer.link, observed].filter(Boolean).join(" · "));
-    this.verdict.replaceChildren(
+    fill(
+      this.verdict,
       ...answer.verdict.map((finding) => {
         const { severity } = finding;
         const about = [h("span", { class: "unseen" }, `${words(severity)}: `), ...prose(sentence_of(finding))];
         return h("li", { class: severity }, shape(SHAPES[severity]), h("span", {}, ...about));
       }),
     );
-    this.rates.replaceChildren(...Object.entries(answer.rates ?? {}).map(([key, value]) => rate(key, value)));
-    this.body.replaceChildren(...answer.drives.flatMap((drive) => cells(drive).map((cells_of_one) => this.row(cells_of_one))));
+    fill(this.rates, ...Object.entries(answer.rates ?? {}).map(([key, value]) => rate(key, value)));
+    fill(this.body, ...answer.drives.flatMap((drive) => cells(drive).map((cells_of_one) => this.row(cells_of_one))));
   }
 }
 

@@ -167,6 +167,11 @@ export async function command(drive, body) {
   return judged(reply, is_stop);
 }
 
+/** Says that the motor of a drive that is out of sight stands. Always returns an outcome with a sentence. */
+export async function standstill(drive) {
+  return judged(await send_signed(`api/v1/drives/${encodeURIComponent(drive)}/standstill`, {}, TIMEOUT_MS), false);
+}
+
 function judged({ status, answer, is_late }, is_stop) {
   if (status === 0) {
     const of_stop = is_late ? "stop.no_effect" : "stop.no_gateway";

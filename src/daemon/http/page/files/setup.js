@@ -1,6 +1,6 @@
 // Set-up: from a port to drives that are read, one step at a time. A step leaves what was typed in the draft.
 
-import { h, show, text } from "./dom.js";
+import { add, fill, h, show, text } from "./dom.js";
 import { field, list, numbered, wide } from "./setup_parts.js";
 import { Found } from "./setup_found.js";
 import { Rules } from "./setup_rules.js";
@@ -17,7 +17,7 @@ export class Panel {
     this.element = element;
     this.error = h("p", { class: "wrong", role: "alert" });
     this.stage = h("div", { class: "stage" });
-    element.append(this.stage, this.error);
+    add(element, this.stage, this.error);
     this.draft = { port: null, server: "", stations: "1-32", line: "line-1", scan: null, found: null, rules: new Rules(), drive: null };
     this.site = null;
     this.timer = null;
@@ -64,7 +64,7 @@ export class Panel {
     this.step = step;
     text(this.error, "");
     const heading = h("h3", { tabindex: "-1" }, title);
-    this.stage.replaceChildren(heading, ...content);
+    fill(this.stage, heading, ...content);
     heading.focus({ preventScroll: true });
     heading.scrollIntoView({ block: "nearest" });
   }
@@ -137,7 +137,7 @@ export class Panel {
       bar.value = now.asked;
       const drives = now.drives.length;
       text(told, `${t("drives", { count: drives })}; ${now.at ? t("setup.asking_at", { link: now.at }) : t("setup.listening")}`);
-      found.replaceChildren(...now.drives.map((drive) => h("li", {}, h("b", {}, t("setup.station", { station: drive.station })), ` ${guess(drive)}, ${drive.at}`)));
+      fill(found, ...now.drives.map((drive) => h("li", {}, h("b", {}, t("setup.station", { station: drive.station })), ` ${guess(drive)}, ${drive.at}`)));
     };
     const look = async () => {
       const { answer, error } = await session.set_up("GET", "/scan");

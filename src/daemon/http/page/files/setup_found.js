@@ -1,6 +1,6 @@
 // The drives that a scan has found: which model each is, what it is called, and what it shows now.
 
-import { h, show, text } from "./dom.js";
+import { fill, h, show, text } from "./dom.js";
 import { field, radios } from "./setup_parts.js";
 import * as session from "./session.js";
 import { decimal, t, words } from "./texts.js";
@@ -58,7 +58,7 @@ class FoundDrive {
     const name = (id) => models.find((model) => model.id === id)?.title ?? id;
     const row = ({ label, text: value, why }) => h("div", { class: "value" }, h("dt", {}, label), h("dd", {}, value?.replace("degC", "°C") ?? why));
     const part = ({ id, values }) => h("div", {}, h("h4", {}, name(id)), h("dl", {}, ...values.map(row)));
-    return this.values.replaceChildren(...answer.models.map(part));
+    return fill(this.values, ...answer.models.map(part));
   }
 
   /** What is missing, in a sentence; null if nothing. */

@@ -1,13 +1,13 @@
 // What the steps of set-up are built of.
 
-import { h, prose, shape } from "./dom.js";
+import { add, h, prose, shape } from "./dom.js";
 import { learn } from "./texts.js";
 
 /** What only set-up needs is fetched with it. */
 async function dress() {
   const sheet = h("link", { rel: "stylesheet", href: "assets/setup.css" });
   const done = new Promise((done) => ["load", "error"].forEach((event) => sheet.addEventListener(event, done)));
-  document.head.append(sheet);
+  add(document.head, sheet);
   await done;
 }
 

@@ -1,6 +1,6 @@
 // The rules of control. What decides over a motor has no default: the person chooses.
 
-import { h, show } from "./dom.js";
+import { fill, h, show } from "./dom.js";
 import { boxes, field, radios } from "./setup_parts.js";
 import { decimal, sentence_of, t, words } from "./texts.js";
 
@@ -69,7 +69,7 @@ export class Rules {
     const kept = this.is_controlled === null ? null : this.is_controlled ? "command" : "watch";
     if (is_forced) this.is_controlled = true;
     show(rules, this.is_controlled === true);
-    this.element.replaceChildren(is_forced ? "" : radios(t("rules.control"), "rule-kind", kinds, decide, kept), rules);
+    fill(this.element, !is_forced && radios(t("rules.control"), "rule-kind", kinds, decide, kept), rules);
   }
 
   /** What is missing, in a sentence; null if nothing. */

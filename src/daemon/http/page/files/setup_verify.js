@@ -1,6 +1,6 @@
 // Whether a drive is set to obey the bus; what is not can be set from here, by a button that is held.
 
-import { h, text } from "./dom.js";
+import { fill, h, text } from "./dom.js";
 import { Hold } from "./hold.js";
 import { wide } from "./setup_parts.js";
 import * as session from "./session.js";
@@ -14,7 +14,7 @@ export function verify(name) {
     text(seen, t("found.reading"));
     const { answer, error } = await session.set_up("GET", path);
     if (error !== null) text(seen, error);
-    else seen.replaceChildren(...shown(answer, (addresses) => set(addresses)));
+    else fill(seen, ...shown(answer, (addresses) => set(addresses)));
   };
   // The outcome of a write stays above what is read after it.
   const set = async (addresses) => {
@@ -45,7 +45,7 @@ function shown({ right, identity, items }, set) {
     items.length > 0 && h("table", {}, h("tbody", {}, ...items.map(row))),
     wrong.length > 0 && h("p", { class: "message" }, t("verify.writes")),
     wrong.length > 0 && hold.element,
-  ].filter((part) => part !== false);
+  ];
 }
 
 function value(of) {

@@ -1,6 +1,6 @@
 // Signing in and out, and the stop for all.
 
-import { announce, attribute, h, show, text } from "./dom.js";
+import { add, announce, attribute, h, show, text } from "./dom.js";
 import * as leases from "./leases.js";
 import * as problems from "./problems.js";
 import * as session from "./session.js";
@@ -27,8 +27,8 @@ export function start(place, form_place) {
     open(false);
     begin.focus();
   });
-  place.append(stop, who, out, begin);
-  form_place.append(form);
+  add(place, stop, who, out, begin);
+  add(form_place, form);
   const draw = ({ enabled, user, role }) => {
     const is_in = user !== null;
     for (const element of [who, out]) show(element, is_in);

@@ -1,6 +1,6 @@
 // Panels of which one is shown, chosen by a row of tabs.
 
-import { h, show } from "./dom.js";
+import { add, h, show } from "./dom.js";
 
 /** Shows one of `panels`, each with an id, a label and what is told when it opens and closes. */
 export class Tabs {
@@ -23,7 +23,7 @@ export class Tabs {
       );
       panel.element.setAttribute("aria-labelledby", panel.tab.id);
       panel.element.addEventListener("missing", () => this.leave_out(panel));
-      list.append(panel.tab);
+      add(list, panel.tab);
     }
     this.draw();
   }

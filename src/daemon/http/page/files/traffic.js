@@ -1,6 +1,6 @@
 // What goes over a line, decoded, while somebody looks.
 
-import { h, show, text } from "./dom.js";
+import { add, fill, h, show, text } from "./dom.js";
 import { choices, labelled, table } from "./fetched.js";
 import { clock, number, t, words } from "./texts.js";
 
@@ -28,7 +28,8 @@ export class Panel {
     this.lost = 0;
     setInterval(() => this.draw(), DRAW_MS);
     document.addEventListener("visibilitychange", () => document.visibilityState === "hidden" && this.end());
-    element.append(
+    add(
+      element,
       h(
         "div",
         { class: "tools" },
@@ -101,7 +102,7 @@ export class Panel {
 
   empty() {
     this.waiting = [];
-    this.body.replaceChildren();
+    fill(this.body);
   }
 
   take(frame) {
@@ -115,7 +116,7 @@ export class Panel {
     if (this.is_paused || this.waiting.length === 0) return;
     const { scrollTop, scrollHeight, clientHeight } = this.scroll;
     const is_at_end = scrollHeight - scrollTop - clientHeight < 40;
-    this.body.append(...this.waiting.splice(0).map((frame) => this.shown(frame)));
+    add(this.body, ...this.waiting.splice(0).map((frame) => this.shown(frame)));
     while (this.body.childElementCount > ROWS_MAX) this.body.firstElementChild.remove();
     if (is_at_end) this.scroll.scrollTop = this.scroll.scrollHeight;
     if (this.source && this.lost > 0) text(this.message, t("traffic.lost", { line: this.line.value, count: this.lost }));

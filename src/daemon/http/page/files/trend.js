@@ -1,6 +1,6 @@
 // Trends of drives: one chart for each unit, with a common cursor, and trips and commands as marks.
 
-import { h, keyed, show, text } from "./dom.js";
+import { add, fill, h, keyed, show, text } from "./dom.js";
 import { document_at, labelled, query } from "./fetched.js";
 import { data, draw, renew } from "./chart.js";
 import { number, t, unit as written, value_label } from "./texts.js";
@@ -33,7 +33,8 @@ export class Trend {
     this.is_open = false;
     this.loaded = 0;
     const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
-    element.append(
+    add(
+      element,
       h("div", { class: "tools" }, this.drives.element, labelled(t("trend.span"), this.span), this.values.element, this.zoomed, this.exports),
       this.message,
       this.place,
@@ -79,7 +80,7 @@ export class Trend {
     this.marks = marks;
     const is_empty = !this.answers.some(({ values: columns }) => columns.some((column) => column.some((value) => value !== null)));
     this.tell(is_empty ? t("trend.empty") : "");
-    this.exports.replaceChildren("CSV: ", ...drives.flatMap((drive) => [h("a", { href: path(drive, { format: "csv" }), download: `${drive}.csv` }, drive), " "]));
+    fill(this.exports, "CSV: ", ...drives.flatMap((drive) => [h("a", { href: path(drive, { format: "csv" }), download: `${drive}.csv` }, drive), " "]));
     this.show(wanted);
   }
 
@@ -137,13 +138,13 @@ export class Trend {
   draw_anew() {
     this.charts.forEach(({ chart }) => chart.destroy());
     this.charts = [];
-    this.place.replaceChildren();
+    fill(this.place);
     show(this.zoomed, false);
     if (this.answers.length === 0 || typeof uPlot === "undefined") return;
     for (const [unit, series] of this.units()) {
       const summary = h("p", { class: "unseen" });
       const element = h("div", { class: "chart", role: "group" });
-      this.place.append(element, summary);
+      add(this.place, element, summary);
       const shape = { unit, series, width: this.place.clientWidth || 600, is_first: this.charts.length === 0 };
       const chart = draw(shape, this.answers, element, () => this.marks, (is) => show(this.zoomed, is));
       this.charts.push({ chart, series, summary, element });
