@@ -107,6 +107,8 @@ mod noisy_line;
 mod old_value_or_exception;
 #[path = "scenarios/orders_apart.rs"]
 mod orders_apart;
+#[path = "scenarios/out_of_sight.rs"]
+mod out_of_sight;
 #[path = "scenarios/ownership.rs"]
 mod ownership;
 #[path = "scenarios/pairs.rs"]

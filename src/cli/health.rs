@@ -197,6 +197,16 @@ fn oversized(side: &str, health: &Value) -> String {
     all.iter().take(LINES_MAX).map(line).chain([more]).collect()
 }
 
+/// A drive that may run unseen. It is told before all others.
+fn unseen_row(drive: &Value) -> String {
+    let seen = &drive["last_seen"];
+    let hertz = seen["output_hz"].as_f64().map(|hertz| format!(" at {hertz:.2} Hz")).unwrap_or_default();
+    let at = seen["at"].as_str().map(|at| format!(", {at}")).unwrap_or_default();
+    let seen = seen["run_state"].as_str().map(|state| format!(": last seen {state}{hertz}{at}")).unwrap_or_default();
+    let name = drive["name"].as_str().unwrap_or("?");
+    format!("{}{seen}; go to the drive\n", toned(Tone::Problem, &format!("drive {name} MAY STILL RUN")))
+}
+
 /// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &Value) -> String {
     fn word<'a>(of: &'a Value, key: &str) -> &'a str {
@@ -207,6 +217,7 @@ fn report(health: &Value) -> String {
     let uptime = span(health["uptime_seconds"].as_u64().unwrap_or(0));
     let _ = writeln!(text, "gateway {}: version {}, up {uptime}", word(health, "gateway"), word(health, "version"));
     text.extend(items("lines").map(line_row));
+    text.extend(items("drives").filter(|drive| drive["may_still_run"] == true).map(unseen_row));
     for drive in items("drives") {
         let name = word(drive, "name");
         let line = word(drive, "line");
@@ -332,6 +343,18 @@ mod tests {
         assert!(shown.contains("mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"), "{shown}");
         let many: Vec<_> = (0..11).map(one).collect();
         assert!(oversized("mqtt", &serde_json::json!({ "oversized": many })).ends_with("mqtt: and 3 more\n"));
+    }
+
+    #[test]
+    fn a_drive_that_may_run_unseen_is_told_first_and_with_what_was_seen() {
+        let drive = |seen: Value| serde_json::json!({ "name": "pump-1", "may_still_run": true, "last_seen": seen });
+        let seen = serde_json::json!({ "run_state": "forward", "output_hz": 42.5, "at": "2026-01-02T03:04:05.678Z" });
+        let told =
+            "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
+        assert_eq!(unseen_row(&drive(seen)), told);
+        assert_eq!(unseen_row(&drive(Value::Null)), "drive pump-1 MAY STILL RUN; go to the drive\n");
+        let report = report(&serde_json::json!({ "drives": [{ "name": "fan-2" }, drive(Value::Null)] }));
+        assert!(report.find("MAY STILL RUN") < report.find("drive fan-2"), "{report}");
     }
 
     #[test]

@@ -6,6 +6,7 @@ pub mod calendar;
 pub mod command;
 pub mod control;
 pub mod counts;
+pub mod fail_safe;
 pub mod frequency;
 pub mod ids;
 pub mod link;

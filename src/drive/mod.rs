@@ -10,6 +10,7 @@ pub mod plausible;
 pub mod rated;
 pub mod required;
 pub mod run_state;
+pub mod sight;
 pub mod snapshot;
 pub mod status;
 pub mod steps;

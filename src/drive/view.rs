@@ -1,11 +1,13 @@
 //! The view of one drive for the north interfaces. It is replaced as a whole whenever something changes.
 
+use super::sight::SightView;
 use super::snapshot::{DriveSnapshot, Presence};
 use super::usage::UsageView;
 use super::watchdog::WatchdogView;
 use crate::domain::address::Address;
 use crate::domain::command::{Owner, Report, RunIntent};
 use crate::domain::control::BusFunctions;
+use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use std::time::Duration;
@@ -19,6 +21,8 @@ pub struct DriveView {
     pub snapshot: DriveSnapshot,
     /// The run state.
     pub run_state: RunState,
+    /// What was last seen of it, while it is out of sight.
+    pub sight: SightView,
     /// Its status flags.
     pub status: StatusView,
     /// Trips, as currently known.
@@ -133,6 +137,13 @@ impl RunState {
         self as u16
     }
 
+    /// The state called `word` in topics; `None` if there is none.
+    #[must_use]
+    pub fn named(word: &str) -> Option<Self> {
+        let all = [Self::Unknown, Self::Stopped, Self::Forward, Self::Reverse, Self::Tripped, Self::Offline];
+        all.into_iter().chain([Self::Running, Self::Stopping]).find(|state| state.word() == word)
+    }
+
     /// Whether the output is known to be active.
     #[must_use]
     pub const fn is_running(self) -> bool {
@@ -223,8 +234,8 @@ pub struct ControlView {
     pub stop_pending: bool,
     /// A stop had no effect in time.
     pub not_effective: bool,
-    /// The fail-safe action ran since the last RUN.
-    pub failsafe: bool,
+    /// The declared action that fell due since the last RUN, and how far it has come.
+    pub failsafe: Option<FailSafeRun>,
     /// New at every connect to the broker and at every stop.
     pub epoch: u64,
     /// The last command's report.

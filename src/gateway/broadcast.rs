@@ -34,7 +34,7 @@ impl LineCore {
         let Some((station, request)) = self.common_stop(now) else { return false };
         self.measured.sent(now.since(self.wire.may_send_from()));
         for work in self.drives.works_mut() {
-            if let Some(accepted) = work.stop_was_broadcast() {
+            if let Some(accepted) = work.stop_was_broadcast(&mut self.effects) {
                 self.measured.stop_sent(accepted, now);
             }
         }

@@ -201,6 +201,11 @@ impl LineCore {
                     drive.work.reset_usage(owner, &mut self.effects);
                 }
             }
+            Input::ConfirmStandstill(drive, owner) => {
+                if let Some(drive) = self.drives.get_mut(drive) {
+                    drive.work.confirm_standstill(owner, &mut self.effects);
+                }
+            }
             // Another gateway controls the drives of a line that is listened to.
             Input::Shutdown if self.listens() => {
                 self.drives.works_mut().for_each(DriveWork::end);

@@ -34,6 +34,8 @@ pub enum Input<'a> {
     PathOpened(Owner),
     /// The sums of what this drive has used are set back to 0.
     ResetUsage(DriveIndex, Owner),
+    /// This person confirms that the motor of a drive that is out of sight stands.
+    ConfirmStandstill(DriveIndex, Owner),
     /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
     /// The line ends by a change of the configuration: from now on only stops are accepted. A drive in use is stopped if

@@ -3,8 +3,10 @@
 use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::control::FailSafe;
+use crate::domain::fail_safe::{FailSafeRun, FailSafeStage};
 use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
+use crate::drive::sight::LastSeen;
 use crate::drive::watchdog::WatchdogState;
 use crate::line::standby::Change;
 use std::fmt;
@@ -20,6 +22,17 @@ pub enum Note {
         /// The declared action.
         action: FailSafe,
     },
+    /// The drive could not be reached for so long that its client lost control of it, although the client is there.
+    #[error("the drive is out of reach, and {owner} holds no control of it any more: the declared action is {}", .action.word())]
+    OutOfReach {
+        /// The client.
+        owner: Owner,
+        /// The declared action.
+        action: FailSafe,
+    },
+    /// A declared action has come further.
+    #[error("the declared {} {}", .0.action.word(), came(.0.stage))]
+    FailSafeCame(FailSafeRun),
     /// The owner from before a restart did not return, or the gateway exited again before the owner's time was over: the
     /// declared action runs.
     #[error("the gateway was restarted and its previous commander ({owner}) did not return: the declared action is {}", .action.word())]
@@ -29,12 +42,24 @@ pub enum Note {
         /// The declared action.
         action: FailSafe,
     },
+    /// The drive is out of sight and was not seen at standstill.
+    #[error("ALARM: the drive is out of sight, {}: it may still run, go to the drive", last_seen(.0))]
+    MayStillRun(Option<LastSeen>),
+    /// A person confirmed that the motor of a drive that is out of sight stands.
+    #[error("{by} confirmed that the motor stands")]
+    StandstillConfirmed {
+        /// The person.
+        by: Owner,
+    },
     /// A run order was executed before its journal row was durable.
     #[error("ALARM: the journal is slow; RUN proceeds before it is recorded")]
     JournalSlow,
     /// A stop has no effect.
     #[error("ALARM: a stop has no effect; repeating it")]
     NotEffective,
+    /// A stop could not be sent in time.
+    #[error("ALARM: a stop could not be sent: the drive is out of reach; it is sent when that is over")]
+    StopNotSent,
     /// The drive refuses every form of the stop.
     #[error("ALARM: the drive refuses to stop; it will not be started until a stop takes effect")]
     StopRefused,
@@ -197,6 +222,26 @@ fn suspected(suspicion: &Option<Suspicion>) -> String {
 
 fn holder(owner: &Option<Owner>) -> String {
     owner.map_or("no owner".to_owned(), |owner| owner.to_string())
+}
+
+const fn came(stage: FailSafeStage) -> &'static str {
+    match stage {
+        FailSafeStage::Due => "is due",
+        FailSafeStage::Sent => "was sent",
+        FailSafeStage::Effective => "has taken effect",
+        FailSafeStage::NotNeeded => "was not needed: the drive was found at standstill before it was sent",
+        FailSafeStage::GivenUp => "was given up",
+    }
+}
+
+fn last_seen(seen: &Option<LastSeen>) -> String {
+    match seen {
+        None => "and nothing was seen of it".to_owned(),
+        Some(LastSeen { run_state, output: None, .. }) => format!("last seen {}", run_state.word()),
+        Some(LastSeen { run_state, output: Some(hertz), .. }) => {
+            format!("last seen {} at {hertz} Hz", run_state.word())
+        }
+    }
 }
 
 const fn watchdog(state: WatchdogState) -> &'static str {

@@ -59,6 +59,8 @@ pub struct StopLatch {
     /// Consecutive unanswered reads.
     missed_looks: u8,
     was_told_late: bool,
+    /// It was told that it could not be sent in time.
+    was_told_unsent: bool,
     /// Since when the drive has been offline, if it is.
     offline_since: Option<MonoTime>,
     /// When it was declared because of a lost client or a shutdown of the gateway; `None` if a client commanded it, or it
@@ -77,6 +79,8 @@ pub enum Turn {
     None,
     /// No effect in time.
     NotEffective,
+    /// It could not be sent in time.
+    NotSent,
     /// The drive stayed offline for too long; the stop is no longer repeated.
     Dropped,
 }
@@ -103,6 +107,7 @@ impl StopLatch {
             looks: 0,
             missed_looks: 0,
             was_told_late: false,
+            was_told_unsent: false,
             offline_since: None,
             declared_at: None,
             silent_until: MonoTime::ZERO,
@@ -142,8 +147,9 @@ impl StopLatch {
         let is_other = order != self.order;
         if is_other {
             let waiters = std::mem::take(&mut self.waiters);
-            let Self { awaited_since, was_told_late, offline_since, .. } = *self;
-            *self = Self { waiters, awaited_since, was_told_late, offline_since, ..Self::new(order, None, now) };
+            let Self { awaited_since, was_told_late, was_told_unsent, offline_since, .. } = *self;
+            let fresh = Self::new(order, None, now);
+            *self = Self { waiters, awaited_since, was_told_late, was_told_unsent, offline_since, ..fresh };
         }
         if waiter.is_some() && now < self.silent_until {
             // A client stops it now: that takes precedence over waiting for the watchdog.
@@ -225,14 +231,30 @@ impl StopLatch {
         self.looks
     }
 
-    /// Whether the alarm was raised.
+    /// Whether the alarm was raised that it has no effect.
     #[must_use]
     pub const fn is_late(&self) -> bool {
-        self.was_told_late
+        self.was_told_late && !self.is_unsent()
+    }
+
+    /// Whether any alarm was raised.
+    #[must_use]
+    pub const fn was_told(&self) -> bool {
+        self.was_told_late || self.was_told_unsent
+    }
+
+    /// Whether nothing was sent for it in this run of the gateway.
+    const fn is_unsent(&self) -> bool {
+        (self.is_first() || self.is_remembered) && !self.was_broadcast
     }
 
     /// Its frame is sent at `now`, and again as soon as the drive `hears_from`.
     pub fn was_sent(&mut self, now: MonoTime, hears_from: MonoTime) {
+        if self.is_unsent() && self.was_told_unsent {
+            // An effect is expected from now on.
+            self.awaited_since = now;
+            self.was_told_late = false;
+        }
         let doublings = self.sent.min(8);
         self.sent = self.sent.saturating_add(1);
         let repeat = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
@@ -342,7 +364,8 @@ impl StopLatch {
         }
         if self.late_at(control).is_some_and(|at| now >= at) {
             self.was_told_late = true;
-            return Turn::NotEffective;
+            self.was_told_unsent |= self.is_unsent();
+            return if self.is_unsent() { Turn::NotSent } else { Turn::NotEffective };
         }
         Turn::None
     }

@@ -1,7 +1,8 @@
 //! A drive that runs by the order of another gateway of its line, which is lost: it goes on for a while, so that its
 //! client can come back here. Nothing is started by that.
 
-use super::state::{DriveGuard, Lost};
+use super::loss::Lost;
+use super::state::DriveGuard;
 use crate::domain::command::{Direction, Manner, Order, Origin, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::standby::OnGatewayLost;
@@ -31,8 +32,7 @@ impl DriveGuard {
             OnGatewayLost::Hold => FailSafe::Hold,
             OnGatewayLost::Adopt => return self.adopt(direction, &control, now),
         };
-        self.failsafe = true;
-        Some(self.lost(None, action, Cause::GatewayLost, now))
+        Some(self.falls_due(None, action, Cause::GatewayLost, now))
     }
 
     /// This gateway gives the line up: another one controls the drive, or will.
@@ -57,8 +57,7 @@ impl DriveGuard {
     /// The order is left standing. Where its direction is not known, it cannot be: a client could not repeat it.
     fn adopt(&mut self, direction: Option<Direction>, control: &ControlSettings, now: MonoTime) -> Option<Lost> {
         let Some(direction) = direction else {
-            self.failsafe = true;
-            return Some(self.lost(None, control.on_commander_lost, Cause::GatewayLost, now));
+            return Some(self.falls_due(None, control.on_commander_lost, Cause::GatewayLost, now));
         };
         self.runs_already(direction);
         self.adopted = Some(Adopted { direction, until: now + control.lost_after });
@@ -111,8 +110,7 @@ impl DriveGuard {
         if is_over {
             return None;
         }
-        self.failsafe = true;
-        Some(self.lost(None, action, Cause::GatewayLost, now))
+        Some(self.falls_due(None, action, Cause::GatewayLost, now))
     }
 
     /// The drive obeys an order to run in `direction` that was not given here.
@@ -158,7 +156,7 @@ mod tests {
             let mut guard = lost(declared);
             let found = guard.gateway_left(Some(Direction::Forward), false, NOW).unwrap();
             assert_eq!((found.action, found.order.is_some(), found.cause), (action, stops, Cause::GatewayLost));
-            assert!(guard.is_start_inhibited() && guard.has_failed_safe() && guard.lease().is_none());
+            assert!(guard.is_start_inhibited() && guard.fail_safe().is_some() && guard.lease().is_none());
         }
     }
 

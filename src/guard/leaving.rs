@@ -1,7 +1,8 @@
 //! A drive leaves the configuration, or its line is restarted: it accepts no commands any more, and a motor that runs by
 //! our order is stopped first.
 
-use super::state::{DriveGuard, Lost};
+use super::loss::Lost;
+use super::state::DriveGuard;
 use crate::domain::command::RunIntent;
 use crate::domain::control::FailSafe;
 use crate::domain::time::MonoTime;

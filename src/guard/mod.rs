@@ -13,6 +13,7 @@ mod control_tests;
 mod full_scale;
 mod interlocks;
 mod leaving;
+mod loss;
 mod motion;
 mod orphan;
 mod owners;
@@ -30,5 +31,6 @@ mod trial;
 mod trial_tests;
 
 pub use approved::{Approved, StopOrder, Void};
+pub use loss::Lost;
 pub use review::{COMMAND_DEADLINE, Facts, Verdict};
-pub use state::{DriveGuard, Lost};
+pub use state::DriveGuard;

@@ -39,7 +39,7 @@ impl DriveGuard {
     pub fn remember_lease(&mut self, lease: RememberedLease) {
         if self.control.is_some() {
             let orphan = Some(Orphan::Unseen { was_orphaned: lease.was_orphaned });
-            self.lease = Some(Lease { owner: lease.owner, until: MonoTime::NEVER, orphan });
+            self.lease = Some(Lease { owner: lease.owner, until: MonoTime::NEVER, orphan, refused_at: None });
         }
     }
 

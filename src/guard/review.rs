@@ -90,7 +90,11 @@ impl DriveGuard {
             Order::Take if facts.listens => Err(refused(Reason::Standby)),
             Order::Take => self.review_take(origin, &control, facts, now),
             order => {
-                self.may_command(origin, &control, facts)?;
+                self.may_command(origin, &control, facts).inspect_err(|refused| {
+                    if matches!(refused.reason, Reason::LineDown | Reason::Offline) {
+                        self.was_out_of_reach(origin.owner, now);
+                    }
+                })?;
                 self.take_up(origin, order, now);
                 match order {
                     Order::Go(go) if self.sets_watchdog(origin, go) => self.review_watchdog(command, go, facts, now),

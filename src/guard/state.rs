@@ -6,11 +6,11 @@ use super::interlocks::Interlocks;
 use super::orphan::Orphan;
 use super::owners::Owners;
 use crate::domain::command::{Direction, Owner, RunIntent};
-use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
+use crate::domain::control::{ControlSettings, LeaseMode};
+use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::bases::Bases;
-use crate::journal::Cause;
 use crate::profile::model::Model;
 use std::sync::Arc;
 
@@ -45,7 +45,8 @@ pub struct DriveGuard {
     found_at: MonoTime,
     /// When the right to start last ended, by a stop, a trip or a lost lease. Orders issued before do not start the drive.
     pub(super) inhibited_at: Option<MonoTime>,
-    pub(super) failsafe: bool,
+    /// The last declared action since the last accepted RUN.
+    pub(super) failsafe: Option<FailSafeRun>,
     /// The last stop has taken effect, and still holds.
     pub(super) stop_took_effect: bool,
     /// Control was released, and nothing has been ordered since.
@@ -65,6 +66,8 @@ pub(super) struct Lease {
     pub until: MonoTime,
     /// It is from before a restart of the gateway, and its owner is awaited.
     pub orphan: Option<Orphan>,
+    /// When its owner was last refused because the drive could not be reached: it is there all the same.
+    pub refused_at: Option<MonoTime>,
 }
 
 /// The last accepted setpoint.
@@ -73,19 +76,6 @@ pub(super) struct Setpoint {
     pub value: Hertz,
     pub by: Owner,
     pub acknowledged: bool,
-}
-
-/// The action after a client is lost, or when the gateway shuts down.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Lost {
-    /// The owner of control.
-    pub owner: Option<Owner>,
-    /// The declared action.
-    pub action: FailSafe,
-    /// Why it runs.
-    pub cause: Cause,
-    /// Its frame; `None` for hold.
-    pub order: Option<StopOrder>,
 }
 
 impl DriveGuard {
@@ -111,7 +101,7 @@ impl DriveGuard {
             epoch: first_epoch,
             found_at: now,
             inhibited_at: None,
-            failsafe: false,
+            failsafe: None,
             stop_took_effect: false,
             is_released: false,
             is_ending: false,
@@ -139,6 +129,12 @@ impl DriveGuard {
         self.intent
     }
 
+    /// Whether the drive acknowledged an order to run, or may have accepted one, that has not ended since.
+    #[must_use]
+    pub const fn may_be_obeyed(&self) -> bool {
+        self.obeyed.is_some()
+    }
+
     /// The last accepted setpoint.
     #[must_use]
     pub fn setpoint(&self) -> Option<Hertz> {
@@ -149,12 +145,6 @@ impl DriveGuard {
     #[must_use]
     pub fn is_start_inhibited(&self) -> bool {
         self.armed.is_empty()
-    }
-
-    /// Whether the fail-safe action ran since the last accepted RUN.
-    #[must_use]
-    pub const fn has_failed_safe(&self) -> bool {
-        self.failsafe
     }
 
     /// The number of stops so far: approvals from before the last one are void.
@@ -207,33 +197,6 @@ impl DriveGuard {
     /// The motor was ordered to start, and the drive acknowledged it or may have received it.
     pub fn started(&mut self, now: MonoTime) {
         self.interlocks.started(now);
-    }
-
-    /// Ends the lease if it has expired at `now`, and returns the declared action; `None` if no action is needed, because
-    /// the drive is ordered to stop and is `at_rest`.
-    pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
-        let Some(lease) = self.lease.filter(|it| it.until <= now) else { return self.expire_adopted(now, at_rest) };
-        self.lease = None;
-        let action = self.control.as_ref()?.on_commander_lost;
-        let was_ordered = matches!(self.intent, RunIntent::Run(_));
-        self.inhibit(now);
-        if at_rest && !was_ordered {
-            return None;
-        }
-        self.failsafe = true;
-        let cause = lease.orphan.map_or(Cause::CommanderLost, Orphan::cause);
-        Some(self.lost(Some(lease.owner), action, cause, now))
-    }
-
-    /// The gateway shuts down: nothing is accepted any more. Returns the declared action for a drive under control.
-    pub fn shut_down(&mut self, now: MonoTime) -> Option<Lost> {
-        self.is_ending = true;
-        let action = self.control.as_ref()?.on_shutdown;
-        let owner = self.lease.take().map(|lease| lease.owner);
-        if owner.is_none() && !matches!(self.intent, RunIntent::Run(_)) {
-            return None;
-        }
-        Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
     /// Inhibits the start at `now`, after a lost lease or an abandoned stop: no order issued before starts the drive.
@@ -350,7 +313,7 @@ impl DriveGuard {
     pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
         if let Some(control) = &self.control {
             self.adopted = None;
-            self.lease = Some(Lease { owner, until: now + control.lost_after, orphan: None });
+            self.lease = Some(Lease { owner, until: now + control.lost_after, orphan: None, refused_at: None });
         }
     }
 
@@ -360,7 +323,7 @@ impl DriveGuard {
         self.intent = RunIntent::Run(direction);
         self.turned = Some(direction);
         self.run_acknowledged = false;
-        self.failsafe = false;
+        self.failsafe = None;
         self.armed.add(owner, MonoTime::NEVER);
     }
 
@@ -385,16 +348,5 @@ impl DriveGuard {
 
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
         StopOrder::of(&self.model, coast)
-    }
-
-    pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
-        let order = match action {
-            FailSafe::Hold => None,
-            FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),
-        };
-        if let Some(order) = &order {
-            self.accept_stop(None, order.is_coast(), now);
-        }
-        Lost { owner, action, cause, order }
     }
 }

@@ -234,7 +234,7 @@ fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
         assert_eq!((lost.owner, lost.action), (Some(Owner::Mqtt), action));
         assert_eq!(lost.order.is_some(), action != FailSafe::Hold);
         assert_eq!(guard.intent() == RunIntent::Coast, action == FailSafe::Coast);
-        assert!(guard.has_failed_safe());
+        assert!(guard.fail_safe().is_some());
     }
 }
 

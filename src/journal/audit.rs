@@ -158,9 +158,12 @@ impl Audit {
             let count = record.count.saturating_sub(gone.kept);
             match record.kind {
                 RecordKind::Attempt => self.lost.attempts += count,
-                RecordKind::FailSafe(_) | RecordKind::StopGivenUp | RecordKind::Lease(_) | RecordKind::UsageReset => {
-                    self.lost.others += count
-                }
+                RecordKind::FailSafe(_)
+                | RecordKind::StopGivenUp
+                | RecordKind::Lease(_)
+                | RecordKind::MayStillRun(_)
+                | RecordKind::StandstillConfirmed
+                | RecordKind::UsageReset => self.lost.others += count,
             }
             self.merges.end(&record);
         }

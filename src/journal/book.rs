@@ -9,6 +9,7 @@ use super::remembered::{Remembered, RememberedLease};
 use super::row::{self, Row};
 use super::trip;
 use crate::domain::calendar::rfc3339;
+use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::DriveDescription;
@@ -69,13 +70,18 @@ impl Book {
     /// Takes an entry of the line `source` about `drive`.
     pub fn take(&mut self, source: u64, drive: &DriveDescription, at: MonoTime, entry: Entry, label: &Label<'_>) {
         let moment = label(at);
+        let entry = entry.dated(label);
         let lease_before = self.remember(&drive.name, at, moment, &entry);
         match entry {
             Entry::Attempt(attempt) => self.attempt(source, Some(&drive.name), at, &attempt, label),
             Entry::Ended { attempt, report } => self.audit.end(at, (source, attempt), report),
             Entry::Trip(event, _) => self.trip(drive, &event, label),
             Entry::FailSafe { owner, action, cause } => {
-                self.audit.add(at, Record::of_failsafe(moment, &drive.name, owner, action, cause), None);
+                let due = FailSafeRun::due(action, cause, at);
+                self.audit.add(at, Record::of_failsafe(moment, &drive.name, owner, due), None);
+            }
+            Entry::FailSafeCame(run) => {
+                self.audit.add(at, Record::of_failsafe(moment, &drive.name, None, run), None);
             }
             Entry::StopOver { is_effective: false } => {
                 self.audit.add(at, Record::of_stop_given_up(moment, &drive.name), None);
@@ -88,10 +94,17 @@ impl Book {
                     self.audit.add(at, Record::of_lease(moment, &drive.name, owner, change), None);
                 }
             }
+            Entry::OutOfSight { last_seen } => {
+                self.audit.add(at, Record::of_out_of_sight(moment, &drive.name, last_seen), None);
+            }
+            Entry::InSight { confirmed_by: Some(owner) } => {
+                self.audit.add(at, Record::of_standstill(moment, &drive.name, owner), None);
+            }
             Entry::UsageReset { owner } => {
                 self.audit.add(at, Record::of_usage_reset(moment, &drive.name, owner), None);
             }
-            Entry::Baseline(_)
+            Entry::InSight { confirmed_by: None }
+            | Entry::Baseline(_)
             | Entry::ResetWord { .. }
             | Entry::StopPending { .. }
             | Entry::StopOver { .. }

@@ -4,8 +4,11 @@ use super::remembered::TripBaseline;
 use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner, Report};
 use crate::domain::control::FailSafe;
+pub use crate::domain::fail_safe::Cause;
+use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::ids::DriveIndex;
-use crate::domain::time::MonoTime;
+use crate::domain::time::{MonoTime, WallTime};
+use crate::drive::sight::{LastSeen, SeenAt};
 use crate::drive::snapshot::Presence;
 use crate::drive::usage::KeptUsage;
 use crate::drive::view::TripEvent;
@@ -66,7 +69,9 @@ pub enum Entry {
         /// It may.
         may_stand: bool,
     },
-    /// A declared action runs without a command.
+    /// A declared action has come further.
+    FailSafeCame(FailSafeRun),
+    /// A declared action falls due, without a command.
     FailSafe {
         /// Whose control it ends.
         owner: Option<Owner>,
@@ -74,6 +79,16 @@ pub enum Entry {
         action: FailSafe,
         /// Why.
         cause: Cause,
+    },
+    /// The drive is out of sight and was not seen at standstill: it may still run.
+    OutOfSight {
+        /// What was last seen of it.
+        last_seen: Option<LastSeen>,
+    },
+    /// That is over.
+    InSight {
+        /// The person who confirmed that the motor stands; `None` if the drive was seen again.
+        confirmed_by: Option<Owner>,
     },
     /// The drive went online or offline.
     Presence(Presence),
@@ -86,34 +101,17 @@ pub enum Entry {
     },
 }
 
-/// Why a declared action runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Cause {
-    /// The client stopped responding.
-    CommanderLost,
-    /// The gateway is stopped on purpose.
-    Shutdown,
-    /// The lease of an earlier run of the gateway was not renewed.
-    Orphaned,
-    /// The gateway exited again before the lease of an earlier run could expire.
-    CrashLoop,
-    /// The drive is removed from the configuration.
-    Removed,
-    /// Another gateway of the line was lost while the drive was ordered to run.
-    GatewayLost,
-}
-
-impl Cause {
-    /// The word used in the journal.
+impl Entry {
+    /// The same with wall clock times, which outlive the process, in what is remembered.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub fn dated(self, label: impl Fn(MonoTime) -> WallTime) -> Self {
+        let date = |seen: LastSeen| match seen.at {
+            SeenAt::Here(at) => LastSeen { at: SeenAt::Before(label(at)), ..seen },
+            SeenAt::Before(_) => seen,
+        };
         match self {
-            Self::CommanderLost => "commander_lost",
-            Self::Shutdown => "shutdown",
-            Self::Orphaned => "orphaned",
-            Self::CrashLoop => "crash_loop",
-            Self::Removed => "removed",
-            Self::GatewayLost => "gateway_lost",
+            Self::OutOfSight { last_seen } => Self::OutOfSight { last_seen: last_seen.map(date) },
+            other => other,
         }
     }
 }

@@ -3,8 +3,11 @@
 use super::entry::Entry;
 use super::remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
 use super::words;
+use crate::domain::frequency::Hertz;
+use crate::domain::time::WallTime;
+use crate::drive::sight::{LastSeen, SeenAt};
 use crate::drive::usage::{EnergySource, KeptUsage, UsageTotals};
-use crate::drive::view::TripEventKind;
+use crate::drive::view::{RunState, TripEventKind};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -25,10 +28,16 @@ impl Remembered {
             }
             Entry::StopPending { coast } => self.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => self.stop = None,
+            Entry::OutOfSight { last_seen } => (self.may_still_run, self.last_seen) = (true, *last_seen),
+            Entry::InSight { .. } => (self.may_still_run, self.last_seen) = (false, None),
             Entry::ResetWord { may_stand } => self.reset = *may_stand,
             Entry::Usage(usage) => self.usage = *usage,
             Entry::UsageReset { .. } => self.usage.totals = UsageTotals::default(),
-            Entry::Attempt(_) | Entry::Ended { .. } | Entry::FailSafe { .. } | Entry::Presence(_) => {}
+            Entry::Attempt(_)
+            | Entry::Ended { .. }
+            | Entry::FailSafe { .. }
+            | Entry::FailSafeCame(_)
+            | Entry::Presence(_) => {}
         }
     }
 
@@ -45,6 +54,8 @@ impl Remembered {
             "last_code": self.last_code,
             "lease": self.lease.map(|it| json!({ "owner": it.owner.to_string(), "was_orphaned": it.was_orphaned })),
             "reset": self.reset,
+            "may_still_run": self.may_still_run,
+            "last_seen": self.last_seen.and_then(seen_to_json),
             "usage": usage,
             "stop": self.stop.map(|stop| if stop.coast { "coast" } else { "stop" }),
         })
@@ -87,9 +98,30 @@ impl Remembered {
             stop: there("stop").map(|stop| RememberedStop { coast: stop == "coast" }),
             // Earlier versions did not write it.
             reset: value["reset"].as_bool().unwrap_or(false),
+            may_still_run: value["may_still_run"].as_bool().unwrap_or(false),
+            last_seen: there("last_seen").and_then(last_seen),
             usage: there("usage").map_or(trips_only, usage),
         })
     }
+}
+
+/// The JSON form of what was last seen, which outlives the process only by its wall clock time.
+fn seen_to_json(seen: LastSeen) -> Option<Value> {
+    let SeenAt::Before(at) = seen.at else { return None };
+    Some(json!({
+        "run_state": seen.run_state.word(),
+        "millihertz": seen.output.map(Hertz::millihertz),
+        "unix_ms": at.unix_ms,
+    }))
+}
+
+fn last_seen(of: &Value) -> Option<LastSeen> {
+    let millihertz = |it: &Value| Some(Hertz::from_millihertz(u32::try_from(it.as_u64()?).ok()?));
+    Some(LastSeen {
+        run_state: RunState::named(of["run_state"].as_str()?)?,
+        output: millihertz(&of["millihertz"]),
+        at: SeenAt::Before(WallTime { unix_ms: of["unix_ms"].as_i64()? }),
+    })
 }
 
 /// The JSON form of sums.
@@ -132,6 +164,12 @@ mod tests {
             last_code: Some(12),
             lease: Some(lease),
             stop: Some(RememberedStop { coast: true }),
+            may_still_run: true,
+            last_seen: Some(LastSeen {
+                run_state: RunState::Reverse,
+                output: Some(Hertz::from_millihertz(42_505)),
+                at: SeenAt::Before(WallTime { unix_ms: 1_700_000_000_123 }),
+            }),
             reset: true,
             usage: KeptUsage {
                 totals: UsageTotals {
@@ -172,6 +210,11 @@ mod tests {
         memory.take(&Entry::StopOver { is_effective: true });
         memory.take(&Entry::Lease(None));
         assert_eq!((memory.lease, memory.stop), (None, None));
+        let last_seen = Some(LastSeen { run_state: RunState::Forward, output: None, at: SeenAt::Here(MonoTime::ZERO) });
+        memory.take(&Entry::OutOfSight { last_seen });
+        assert_eq!((memory.may_still_run, memory.last_seen), (true, last_seen));
+        memory.take(&Entry::InSight { confirmed_by: None });
+        assert_eq!((memory.may_still_run, memory.last_seen), (false, None));
         for may_stand in [true, false] {
             memory.take(&Entry::ResetWord { may_stand });
             assert_eq!(memory.reset, may_stand);

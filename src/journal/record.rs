@@ -1,13 +1,14 @@
 //! The contents of one audit row.
 
-use super::entry::{Attempt, Cause};
+use super::entry::Attempt;
 use super::remembered::RememberedLease;
 use super::row::Row;
 use super::words;
 use crate::domain::command::{Owner, Report};
-use crate::domain::control::FailSafe;
+use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::ids::Name;
 use crate::domain::time::WallTime;
+use crate::drive::sight::LastSeen;
 use serde_json::{Map, Value};
 
 /// One row of the audit before it is written.
@@ -40,12 +41,16 @@ pub struct Record {
 pub enum RecordKind {
     /// A client tried to write.
     Attempt,
-    /// A declared action ran without a command.
-    FailSafe(Cause),
+    /// A declared action fell due or came further, without a command.
+    FailSafe(FailSafeRun),
     /// A stop was given up because the drive stayed offline.
     StopGivenUp,
     /// The holder of control changed, or there is none any more.
     Lease(LeaseChange),
+    /// The drive is out of sight and may still run; this was last seen of it.
+    MayStillRun(Option<LastSeen>),
+    /// A person confirmed that the motor of such a drive stands.
+    StandstillConfirmed,
     /// The sums of what the drive has used were set back to 0.
     UsageReset,
 }
@@ -98,6 +103,8 @@ impl RecordKind {
             Self::FailSafe(_) => "failsafe",
             Self::StopGivenUp => "stop_given_up",
             Self::Lease(_) => "lease",
+            Self::MayStillRun(_) => "may_still_run",
+            Self::StandstillConfirmed => "standstill_confirmed",
             Self::UsageReset => "usage_reset",
         }
     }
@@ -123,9 +130,9 @@ impl Record {
 
     /// The record of a declared action.
     #[must_use]
-    pub fn of_failsafe(at: WallTime, name: &Name, owner: Option<Owner>, action: FailSafe, cause: Cause) -> Self {
-        let kind = RecordKind::FailSafe(cause);
-        Self { kind, by: owner, tried: action.word().to_owned(), ..Self::of_gateway(at, name) }
+    pub fn of_failsafe(at: WallTime, name: &Name, owner: Option<Owner>, run: FailSafeRun) -> Self {
+        let kind = RecordKind::FailSafe(run);
+        Self { kind, by: owner, tried: run.action.word().to_owned(), ..Self::of_gateway(at, name) }
     }
 
     /// The record of a stop that was given up.
@@ -146,6 +153,19 @@ impl Record {
     pub fn of_usage_reset(at: WallTime, name: &Name, owner: Owner) -> Self {
         let tried = "reset usage".to_owned();
         Self { kind: RecordKind::UsageReset, by: Some(owner), tried, is_stop: false, ..Self::of_gateway(at, name) }
+    }
+
+    /// The record of a drive that is out of sight and may still run.
+    #[must_use]
+    pub fn of_out_of_sight(at: WallTime, name: &Name, last_seen: Option<LastSeen>) -> Self {
+        Self { kind: RecordKind::MayStillRun(last_seen), ..Self::of_gateway(at, name) }
+    }
+
+    /// The record that `owner` confirmed that the motor stands.
+    #[must_use]
+    pub fn of_standstill(at: WallTime, name: &Name, owner: Owner) -> Self {
+        let tried = "confirm standstill".to_owned();
+        Self { kind: RecordKind::StandstillConfirmed, by: Some(owner), tried, ..Self::of_gateway(at, name) }
     }
 
     fn of_gateway(at: WallTime, name: &Name) -> Self {
@@ -169,7 +189,7 @@ impl Record {
         let mut body = Map::new();
         let mut say = |key: &str, value: Value| drop(body.insert(key.to_owned(), value));
         say("by", self.by.map(|owner| owner.to_string()).into());
-        if !matches!(self.kind, RecordKind::Lease(_)) {
+        if !matches!(self.kind, RecordKind::Lease(_) | RecordKind::MayStillRun(_)) {
             say("tried", self.tried.as_str().into());
             say("count", self.count.into());
         }
@@ -178,14 +198,21 @@ impl Record {
                 say("outcome", self.report.map(|report| report.outcome.word()).into());
                 say("reason", self.report.map(|report| report.reason.word()).into());
             }
-            RecordKind::FailSafe(cause) => say("cause", cause.word().into()),
+            RecordKind::FailSafe(run) => {
+                say("cause", run.cause.word().into());
+                say("stage", run.stage.word().into());
+            }
             RecordKind::Lease(change) => {
                 say("state", change.word().into());
                 if let LeaseChange::TakenOver(from) = change {
                     say("from", from.to_string().into());
                 }
             }
-            RecordKind::StopGivenUp | RecordKind::UsageReset => {}
+            RecordKind::MayStillRun(last_seen) => {
+                say("run_state", last_seen.map(|seen| seen.run_state.word()).into());
+                say("output_hz", last_seen.and_then(|seen| Some(seen.output?.as_f64())).into());
+            }
+            RecordKind::StopGivenUp | RecordKind::StandstillConfirmed | RecordKind::UsageReset => {}
         }
         if let Some(holder) = self.report.and_then(|report| report.holder) {
             say("holder", holder.to_string().into());

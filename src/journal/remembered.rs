@@ -1,6 +1,7 @@
 //! What a line gets at start about its drives from an earlier run of the gateway.
 
 use crate::domain::command::Owner;
+use crate::drive::sight::LastSeen;
 pub use crate::drive::trips::TripBaseline;
 use crate::drive::usage::KeptUsage;
 
@@ -17,6 +18,10 @@ pub struct Remembered {
     pub lease: Option<RememberedLease>,
     /// The stop that was not effective yet when the gateway exited.
     pub stop: Option<RememberedStop>,
+    /// It is out of sight and was not seen at standstill.
+    pub may_still_run: bool,
+    /// What was then last seen of it.
+    pub last_seen: Option<LastSeen>,
     /// Whether its run command may hold the reset word.
     pub reset: bool,
     /// What it has used.

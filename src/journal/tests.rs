@@ -279,7 +279,7 @@ fn uncommanded_actions_and_availability_are_rows_too() {
     rig.write();
     let rows: Vec<_> = rig.rows.values().map(|record| record.row(10)).collect();
     let shown: Vec<_> = rows.iter().map(|row| (row.number, row.kind.as_str(), row.body.as_str())).collect();
-    let failsafe = r#"{"by":"mqtt","cause":"commander_lost","count":1,"tried":"stop"}"#;
+    let failsafe = r#"{"by":"mqtt","cause":"commander_lost","count":1,"stage":"due","tried":"stop"}"#;
     let given_up = r#"{"by":null,"count":1,"tried":"stop"}"#;
     assert_eq!(shown, [(11, "failsafe", failsafe), (12, "stop_given_up", given_up)]);
 }

@@ -18,8 +18,10 @@ pub enum Severity {
     Hint,
     /// It does not work, causes disturbance, or is about to.
     Problem,
-    /// A drive is tripped: what a person who looks at the page has to see first.
+    /// A drive is tripped.
     Trip,
+    /// A motor may turn where the gateway does not see it: what a person who looks at the page has to see first.
+    Danger,
 }
 
 impl Severity {
@@ -29,7 +31,7 @@ impl Severity {
         match self {
             Self::Good => "good",
             Self::Hint => "hint",
-            Self::Problem | Self::Trip => "problem",
+            Self::Problem | Self::Trip | Self::Danger => "problem",
         }
     }
 }
@@ -97,6 +99,7 @@ signs! {
     FewExchanges "few_exchanges" Hint "too few exchanges to judge"
     Fine "good" Good "nothing is wrong"
     // A drive.
+    MayStillRun "may_still_run" Danger "the drive is out of sight and was not seen at standstill: its motor may still run"
     Tripped "tripped" Trip "the drive is tripped"
     Offline "offline" Problem "the drive does not answer"
     Warns "warns" Hint "the drive shows a warning, and goes on"
@@ -108,7 +111,8 @@ signs! {
     WatchdogWrong "watchdog_wrong" Hint "the drive's own watchdog is off or set wrong; a problem where it is required"
     SetpointOutside "setpoint_outside" Hint "the drive's setpoint is outside the limits of its control section"
     StoppedAgain "stopped_again" Hint "a controller stops the drive again and again although others start it"
-    CommanderLost "commander_lost" Hint "the commander was lost and the declared action was carried out"
+    CommanderLost "commander_lost" Hint "the commander was lost, and how far the declared action has come"
+    FailSafe "failsafe" Hint "the same for a declared action of another cause: the drive was out of reach, or another gateway was lost"
     DuplicateStation "duplicate_station" Problem "the drive answers more often than it is asked"
     LateBeyondLimit "late_beyond_limit" Problem "replies that came later than `max_lateness` allows"
     FirstCharacters "first_characters" Hint "damaged replies in which only the first characters are wrong"
@@ -223,11 +227,12 @@ mod tests {
     }
 
     #[test]
-    fn a_trip_is_the_first_of_all_problems() {
+    fn a_motor_that_may_run_unseen_is_the_first_of_all_problems_and_a_trip_the_second() {
         let finding =
             |sign: Sign| Finding { severity: sign.severity(), sign, line: None, drive: None, text: Sentence::new("") };
-        let all = ranked([Sign::OverFull, Sign::Offline, Sign::Tripped, Sign::LineDown].map(finding));
+        let all =
+            ranked([Sign::OverFull, Sign::Offline, Sign::Tripped, Sign::LineDown, Sign::MayStillRun].map(finding));
         let signs: Vec<_> = all.iter().map(|it| it.sign).collect();
-        assert_eq!(signs, [Sign::Tripped, Sign::Offline, Sign::LineDown, Sign::OverFull]);
+        assert_eq!(signs, [Sign::MayStillRun, Sign::Tripped, Sign::Offline, Sign::LineDown, Sign::OverFull]);
     }
 }

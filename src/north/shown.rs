@@ -1,15 +1,20 @@
 //! Terms for drives and lines shared by all interfaces: how reliable a value is, what a drive does, what it may be
 //! commanded.
 
+use crate::domain::calendar::rfc3339;
 use crate::domain::command::{Direction, Outcome, Reason, Report, RunIntent};
-use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::fail_safe::FailSafeRun;
+use crate::domain::frequency::Hertz;
 use crate::domain::standby::{StandbyPair, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
+use crate::drive::sight::SeenAt;
 use crate::drive::snapshot::{Presence, ValueReading};
 use crate::drive::usage::{EnergySource, UsagePart};
-use crate::drive::view::{DriveView, RunState};
+use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::drive::warnings;
+use crate::north::clock::Clock;
 use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register};
 use crate::profile::scale::Decimal;
@@ -140,6 +145,53 @@ pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, 
         Some(stale_at) if at < stale_at => Freshness::Good,
         Some(_) => Freshness::Stale,
     }
+}
+
+/// What was last seen of a drive that is out of sight; `null` for one that is in sight, or of which nothing was seen.
+#[must_use]
+pub fn last_seen(view: &DriveView, clock: &Clock) -> Value {
+    view.sight.last_seen.map_or(Value::Null, |seen| {
+        let at = match seen.at {
+            SeenAt::Here(at) => clock.text(at),
+            SeenAt::Before(at) => rfc3339(at),
+        };
+        json!({ "run_state": seen.run_state.word(), "output_hz": seen.output.map(Hertz::as_f64), "at": at })
+    })
+}
+
+/// The declared action that fell due since the last RUN, with the stage that it has reached; `null` if none did.
+#[must_use]
+pub fn fail_safe(control: Option<&ControlView>, clock: &Clock) -> Value {
+    control.and_then(|control| control.failsafe).map_or(Value::Null, |run| {
+        json!({
+            "action": run.action.word(),
+            "cause": run.cause.word(),
+            "stage": run.stage.word(),
+            "at": clock.text(run.at),
+        })
+    })
+}
+
+/// That a drive that is out of sight may still run, and what was last seen of it.
+#[must_use]
+pub fn may_still_run(view: &DriveView) -> Sentence {
+    let Some(seen) = view.sight.last_seen else { return Sentence::new("finding.may_still_run") };
+    let state = Sentence::new(format!("finding.state.{}", seen.run_state.word()));
+    match seen.output {
+        Some(hertz) => Sentence::new("finding.may_still_run_at").with("state", state).with("output", hertz.as_f64()),
+        None => Sentence::new("finding.may_still_run_seen").with("state", state),
+    }
+}
+
+/// Why a declared action runs, and how far it has come.
+#[must_use]
+pub fn fail_safe_text(run: FailSafeRun) -> Sentence {
+    let came = match run.action {
+        FailSafe::Hold => Sentence::new("finding.failsafe.hold"),
+        action => Sentence::new(format!("finding.failsafe.{}", run.stage.word())).with("action", action.word()),
+    };
+    let cause = Sentence::new(format!("finding.cause.{}", run.cause.word()));
+    Sentence::new("finding.failsafe").with("cause", cause).with("came", came)
 }
 
 /// The run state for clients that are also shown that the drive does not answer: such a drive may do anything.

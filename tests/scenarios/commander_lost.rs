@@ -35,7 +35,7 @@ fn the_declared_action_starts_when_the_lease_ends() {
         let lost = Note::CommanderLost { owner: Owner::Mqtt, action };
         assert!(rig.notes.iter().any(|(_, note)| *note == lost), "{:?}", rig.notes);
         let control = rig.view(0).control.unwrap();
-        assert_eq!((control.lease, control.start_inhibited, control.failsafe), (None, true, true));
+        assert_eq!((control.lease, control.start_inhibited, control.failsafe.is_some()), (None, true, true));
         rig.pass(Duration::from_secs(60));
         assert_eq!(rig.output(1), if action == FailSafe::Hold { 3000 } else { 0 });
     }

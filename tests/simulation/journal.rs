@@ -95,9 +95,12 @@ impl Journal {
                     "{before:?}, then {now:?}"
                 );
             }
+            Entry::OutOfSight { last_seen } => (memory.may_still_run, memory.last_seen) = (true, *last_seen),
+            Entry::InSight { .. } => (memory.may_still_run, memory.last_seen) = (false, None),
             Entry::Attempt(_)
             | Entry::Ended { .. }
             | Entry::FailSafe { .. }
+            | Entry::FailSafeCame(_)
             | Entry::Presence(_)
             | Entry::UsageReset { .. } => {}
         }

@@ -34,6 +34,8 @@ pub enum Message {
     PathOpened(Owner),
     /// This client sets the sums of what the drive has used back to 0.
     ResetUsage(DriveIndex, Owner),
+    /// This person confirms that the motor of the drive stands.
+    ConfirmStandstill(DriveIndex, Owner),
     /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
     /// It shuts down now: the effect of stops that were sent is not waited for.

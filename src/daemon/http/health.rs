@@ -2,9 +2,11 @@
 
 use super::state::State;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
+use crate::daemon::host::clock;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::north::broker::Oversized;
+use crate::north::clock::Clock;
 use crate::north::shown::{self, presence, run_state, warning_text};
 use serde_json::{Value, json};
 
@@ -64,6 +66,9 @@ fn drive(drive: &SharedDrive, now: MonoTime) -> Value {
         "presence": presence(&view),
         "was_read": view.snapshot.has_readings(),
         "run_state": run_state(&view).word(),
+        "may_still_run": view.sight.may_still_run,
+        "last_seen": shown::last_seen(&view, &Clock::new(clock::moment())),
+        "failsafe": shown::fail_safe(view.control.as_ref(), &Clock::new(clock::moment())),
         "warning": warning_text(description, &view, now),
         "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
         "site": description.control.as_ref().map(|control| shown::site(control)),

@@ -29,7 +29,8 @@ mod setup;
 #[cfg(test)]
 mod setup_tests;
 pub mod socket;
-pub mod state;
+pub mod standstill;
+mod state;
 mod table;
 mod taking;
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Routes of the program's own tools, over the socket and never over TCP: what has to be set on a drive.
 
 use super::answers::json;
-use super::{hand_over, params, setup, watchdog};
+use super::{hand_over, params, setup, standstill, watchdog};
 use crate::config::change::ChangeNote;
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::{LocalSide, Who};
@@ -30,6 +30,7 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
         .route("/api/v1/drives/{name}/setup", get(look).post(set))
         .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
         .route("/api/v1/drives/{name}/usage/reset", post(reset_usage))
+        .route("/api/v1/drives/{name}/standstill", post(confirm_standstill))
         .route("/api/v1/reload", post(reload))
         .route("/api/v1/standby/yield", post(hand_over))
         .merge(params::router())
@@ -101,6 +102,13 @@ async fn reset_usage(State(side): State<Arc<LocalSide>>, Path(name): Path<String
     }
     tracing::info!(drive = name, by = %Owner::Local, %before, "energy, running hours, starts and trips set back to 0");
     json(&serde_json::json!({ "drive": name, "before": before })).into_response()
+}
+
+async fn confirm_standstill(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+    match find(&side, &name) {
+        Some(drive) => standstill::confirm(&side, Who::TOOL, &drive),
+        None => unknown(&side, &name),
+    }
 }
 
 async fn reload(State(side): State<Arc<LocalSide>>) -> Response {

@@ -385,7 +385,7 @@ fn metrics_show_control() {
         command_pending: false,
         stop_pending: false,
         not_effective: false,
-        failsafe: false,
+        failsafe: None,
         epoch: 1,
         last: None,
         commands: 9,

@@ -82,9 +82,19 @@ fn words(row: &Row, body: &Value) -> String {
             let holder = body["holder"].as_str().map(|holder| format!(" ({holder})")).unwrap_or_default();
             format!("{}: {}: {outcome}{reason}{holder}{times}", body["by"].as_str().unwrap_or("unknown"), word("tried"))
         }
-        "failsafe" => format!("fail-safe action {}: {}", word("tried"), word("cause")),
+        "failsafe" => {
+            // Rows of versions before 0.9 have no stage.
+            let stage = body["stage"].as_str().map(|stage| format!(" ({})", stage.replace('_', " ")));
+            format!("fail-safe action {}{}: {}", word("tried"), stage.unwrap_or_default(), word("cause"))
+        }
         "lease" => lease(body, &word("by")),
         "usage_reset" => format!("{} set energy, running hours, starts and trips back to 0", word("by")),
+        "may_still_run" => {
+            let hertz = body["output_hz"].as_f64().map(|hertz| format!(" at {hertz:.2} Hz")).unwrap_or_default();
+            let seen = body["run_state"].as_str().map(|state| format!(", last seen {state}{hertz}"));
+            format!("out of sight{}: it may still run", seen.unwrap_or_default())
+        }
+        "standstill_confirmed" => format!("{} confirmed that the motor stands", word("by")),
         "stop_given_up" => "a STOP was given up: the drive stayed offline".to_owned(),
         "tripped" => {
             let away = if body["while_away"] == true { " while away" } else { "" };

@@ -27,6 +27,7 @@ impl LineTask<'_> {
                 Message::AskerGone(asker) => Input::AskerGone(asker),
                 Message::PathAlive(owner) => Input::PathAlive(owner),
                 Message::ResetUsage(drive, owner) => Input::ResetUsage(drive, owner),
+                Message::ConfirmStandstill(drive, owner) => Input::ConfirmStandstill(drive, owner),
                 Message::PathOpened(owner) => Input::PathOpened(owner),
                 Message::Shutdown => {
                     self.ending = Some(now + ENDING_MAX);

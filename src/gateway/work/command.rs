@@ -3,6 +3,7 @@
 use super::Rank;
 use super::{COMMANDS_MAX, DriveWork, Out};
 use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report};
+use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
@@ -184,6 +185,15 @@ impl DriveWork {
         self.stop(order, None, now, out);
         if let Some(latch) = &mut self.latch {
             latch.was_declared(now);
+        }
+    }
+
+    /// The declared action has come further, if any has.
+    pub(super) fn fail_safe_came(&mut self, run: Option<FailSafeRun>, out: Out<'_>) {
+        if let Some(run) = run {
+            self.has_changed = true;
+            out.push_back(Effect::Note(self.drive, Note::FailSafeCame(run)));
+            out.keep(self.drive, Entry::FailSafeCame(run));
         }
     }
 

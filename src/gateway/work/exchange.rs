@@ -51,6 +51,8 @@ impl DriveWork {
             Rank::FirstStop | Rank::RepeatedStop => {
                 if let Some(latch) = &mut self.latch {
                     latch.was_sent(now, self.deaf_until);
+                    let sent = self.guard.stop_was_sent();
+                    self.fail_safe_came(sent, out);
                 }
             }
             Rank::Step | Rank::Start => {
@@ -119,7 +121,9 @@ impl DriveWork {
     }
 
     /// Its stop was broadcast. Returns when the stop was accepted, if it had not been sent before.
-    pub fn stop_was_broadcast(&mut self) -> Option<MonoTime> {
+    pub fn stop_was_broadcast(&mut self, out: Out<'_>) -> Option<MonoTime> {
+        let sent = self.guard.stop_was_sent().filter(|_| self.latch.is_some());
+        self.fail_safe_came(sent, out);
         let latch = self.latch.as_mut()?;
         let is_first = latch.unsent().is_some();
         Some(latch.was_broadcast()).filter(|_| is_first)
@@ -132,6 +136,10 @@ impl DriveWork {
     /// The line is down, or another gateway's, as `reason` says: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
     pub fn line_down(&mut self, now: MonoTime, reason: Reason, out: Out<'_>) {
         self.leave_flight(now);
+        // What is ordered is forgotten below. Another gateway that has the line sees the drive.
+        if reason != Reason::Standby {
+            self.lose_sight(out);
+        }
         self.flight = None;
         if let Some(latch) = &mut self.latch {
             latch.unanswered(now);
@@ -144,7 +152,7 @@ impl DriveWork {
             };
             self.finish(&mut execution, report, out);
         }
-        self.out_of_sight(out);
+        self.forget_readings(out);
     }
 
     pub(super) fn stop_ended(&mut self, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {

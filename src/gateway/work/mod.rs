@@ -13,6 +13,7 @@ mod readings;
 mod remembered;
 mod reset;
 mod rows;
+mod sight;
 mod standing;
 mod start;
 mod sums;
@@ -31,6 +32,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::output::OutputRegister;
 use crate::drive::plan::Pace;
 use crate::drive::run_state::OutputWatch;
+use crate::drive::sight::Sight;
 use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
 use crate::drive::view::{ControlView, RunState, StatusView, StoppedAgain};
@@ -140,6 +142,8 @@ pub struct DriveWork {
     commands: u16,
     /// The last order of another gateway of the line.
     heard: HeardOrder,
+    /// Whether it is in sight, and what was last seen of it.
+    sight: Sight,
     /// What the drive has used.
     usage: Sums,
     has_changed: bool,
@@ -192,6 +196,7 @@ impl DriveWork {
             last: None,
             commands: 0,
             heard: HeardOrder::Nothing,
+            sight: Sight::default(),
             usage: Sums::new(model, Pace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
@@ -299,8 +304,8 @@ impl DriveWork {
         self.has_changed = true;
     }
 
-    /// The drive has stopped answering, or its line is down.
-    pub fn out_of_sight(&mut self, out: Out<'_>) {
+    /// Nothing that was read of the drive holds any more: it has stopped answering, or its line is down or another's.
+    pub(super) fn forget_readings(&mut self, out: Out<'_>) {
         self.has_changed = true;
         self.usage_out_of_sight(out);
         self.output.forget();
@@ -322,8 +327,6 @@ impl DriveWork {
     /// Facts for the review.
     #[must_use]
     pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> Facts {
-        let bases = self.guard.bases();
-        let frequency = |raw| self.output_register.as_ref().and_then(|register| register.frequency(raw, bases));
         // Stale readings decide nothing: the motor may have been started since.
         let is_fresh = self.is_fresh(now);
         Facts {
@@ -338,7 +341,7 @@ impl DriveWork {
             at_standstill: is_fresh && self.is_at_standstill(),
             rests: line_is_up && !is_offline && self.rests(now),
             stop_refused: self.is_stop_refused,
-            output: self.output.raw().filter(|_| is_fresh).and_then(frequency),
+            output: self.output_frequency().filter(|_| is_fresh),
             turns: self.turns(),
             is_local: self.status_view().is_local(),
             is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
@@ -372,7 +375,7 @@ impl DriveWork {
             command_pending: self.has_orders(),
             stop_pending: self.latch.is_some(),
             not_effective: self.latch.as_ref().is_some_and(|latch| latch.is_late() || latch.is_refused()),
-            failsafe: guard.has_failed_safe(),
+            failsafe: guard.fail_safe(),
             epoch: guard.epoch(),
             last: self.last,
             commands: self.commands,

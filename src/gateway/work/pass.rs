@@ -19,9 +19,11 @@ impl DriveWork {
         if let Some(lost) = self.guard.expire(now, at_rest) {
             if let Some(owner) = lost.owner {
                 let action = lost.action;
-                let is_orphaned = matches!(lost.cause, Cause::Orphaned | Cause::CrashLoop);
-                let note =
-                    if is_orphaned { Note::Orphaned { owner, action } } else { Note::CommanderLost { owner, action } };
+                let note = match lost.cause {
+                    Cause::Orphaned | Cause::CrashLoop => Note::Orphaned { owner, action },
+                    Cause::OutOfReach => Note::OutOfReach { owner, action },
+                    _ => Note::CommanderLost { owner, action },
+                };
                 out.push_back(Effect::Note(self.drive, note));
             }
             self.fail_safe(lost, now, out);
@@ -52,6 +54,7 @@ impl DriveWork {
         let note = match turn {
             Turn::None => return,
             Turn::NotEffective => Note::NotEffective,
+            Turn::NotSent => Note::StopNotSent,
             Turn::Dropped => Note::StopDropped,
         };
         self.has_changed = true;
@@ -70,6 +73,8 @@ impl DriveWork {
     pub(super) fn drop_stop(&mut self, report: Report, out: Out<'_>) {
         let Some(mut latch) = self.latch.take() else { return };
         self.is_stopping = false;
+        let over = self.guard.stop_is_over(false);
+        self.fail_safe_came(over, out);
         out.keep(self.drive, Entry::StopOver { is_effective: false });
         for mut waiter in std::mem::take(latch.waiters()) {
             self.tell(&mut waiter, report, true, out);

@@ -3,6 +3,7 @@
 use super::{DriveWork, Out};
 use crate::domain::address::Address;
 use crate::domain::command::{Outcome, Reason, Report, RunIntent};
+use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::event::Effect;
@@ -47,6 +48,9 @@ impl DriveWork {
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
         }
+        if output.is_some() || self.status_at == Some(reading.at) {
+            self.is_seen(out);
+        }
         if self.is_moving() {
             self.guard.found_running(now);
         }
@@ -64,6 +68,11 @@ impl DriveWork {
             let event = self.trips.take_unsure(address, words);
             self.trip(event, out);
         }
+    }
+
+    /// The output frequency of the last reading.
+    pub(super) fn output_frequency(&self) -> Option<Hertz> {
+        self.output_register.as_ref()?.frequency(self.output.raw()?, self.guard.bases())
     }
 
     /// Whether the drive shows a different direction than when its stop took effect: another master has ordered it to
@@ -95,8 +104,10 @@ impl DriveWork {
         }
         self.output.ramps_down(out.now());
         self.ramps_reverse = self.status.get(Flag::Reverse);
-        let was_told = latch.is_late() || (self.told_refused && !self.is_stop_refused);
+        let was_told = latch.was_told() || (self.told_refused && !self.is_stop_refused);
         self.told_refused &= self.is_stop_refused;
+        let over = self.guard.stop_is_over(true);
+        self.fail_safe_came(over, out);
         out.keep(self.drive, Entry::StopOver { is_effective: true });
         if was_told {
             out.push_back(Effect::Note(self.drive, Note::EffectiveAtLast));

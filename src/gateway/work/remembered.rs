@@ -24,6 +24,7 @@ impl DriveWork {
 
     /// Restores what was ordered.
     pub fn remember_orders(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
+        self.remember_sight(remembered);
         self.remember_reset(remembered.reset);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));

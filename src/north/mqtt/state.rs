@@ -109,6 +109,7 @@ fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: 
         || shown::answered_run_state(old) != shown::answered_run_state(view)
         || trip(old) != trip(view)
         || old.status != view.status
+        || old.sight != view.sight
         || shown::drive_state(drive, old, last.at) != shown::drive_state(drive, view, now.at)
         || old.watchdog != view.watchdog
         || old.trip_kept != view.trip_kept
@@ -150,6 +151,9 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
         "online": view.is_online(),
         "run_state": shown::answered_run_state(view).word(),
         "run_state_confidence": run_state_confidence(drive),
+        "may_still_run": view.sight.may_still_run,
+        "last_seen": shown::last_seen(view, &now.clock),
+        "failsafe": shown::fail_safe(view.control.as_ref(), &now.clock),
         "drive_state": shown::drive_state(drive, view, now.at),
         "local": view.status.is_local(),
         "alarm": view.status.alarm,
@@ -227,7 +231,7 @@ fn control(now: &Present, control: &ControlView) -> Value {
         "command_pending": control.command_pending,
         "stop_pending": control.stop_pending,
         "not_effective": control.not_effective,
-        "failsafe": control.failsafe,
+        "failsafe": control.failsafe.is_some(),
         "epoch": control.epoch,
         "outcome": control.last.map(|report| report.outcome.word()),
         "reason": control.last.map(|report| report.reason.word()),

@@ -53,6 +53,8 @@ impl Drive<'_> {
             "presence": shown::presence(view),
             "run_state": shown::run_state(view).word(),
             "drive_state": shown::drive_state(description, view, present.now),
+            "may_still_run": view.sight.may_still_run,
+            "last_seen": shown::last_seen(view, present.clock),
             "output_frequency_hz": self.output_frequency(present.now),
             "setpoint_hz": self.setpoint(present.now),
             "trip": self.trip(present),
@@ -64,7 +66,7 @@ impl Drive<'_> {
             "warning": shown::warning_text(self.description, self.view, present.now),
             "standby": standby.map(LineRole::word),
             "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
-            "control": description.control.as_ref().map(|settings| self.control(settings, present.now)),
+            "control": description.control.as_ref().map(|settings| self.control(settings, present)),
             "usage": shown::usage(view),
             "oldest_ms": self.oldest_at(present.now).map(|at| whole_millis(present.now, at)),
             "values": self.polled().map(|register| self.value(register, present.now)).collect::<Vec<_>>(),
@@ -129,7 +131,8 @@ impl Drive<'_> {
         })
     }
 
-    fn control(&self, settings: &ControlSettings, now: MonoTime) -> Value {
+    fn control(&self, settings: &ControlSettings, present: &Present<'_>) -> Value {
+        let now = present.now;
         let nobody = ControlView::default();
         let view = self.view.control.as_ref().unwrap_or(&nobody);
         let lease = view.lease.filter(|(_, until)| now < *until);
@@ -150,7 +153,7 @@ impl Drive<'_> {
             "command_pending": view.command_pending,
             "stop_pending": view.stop_pending,
             "not_effective": view.not_effective,
-            "failsafe": view.failsafe,
+            "failsafe": shown::fail_safe(Some(view), present.clock),
             "last": view.last.map(|report| json!({
                 "outcome": report.outcome.word(),
                 "reason": report.reason.word(),

@@ -6,6 +6,8 @@ use super::testing::{NOW, NOW_TEXT, clock, description, drive, models, view};
 use super::trend::{ROWS_MAX, STEP};
 use super::{Drive, Gateway, Line, Present, Trends, trips};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::control::FailSafe;
+use crate::domain::fail_safe::{Cause, FailSafeRun, FailSafeStage};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
@@ -14,6 +16,7 @@ use crate::domain::standby::{LineRole, StandbyReport};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
+use crate::drive::sight::{LastSeen, SeenAt, SightView};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
@@ -269,7 +272,7 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     view.status.bus_run = Some(false);
     let control = view.control.as_mut().unwrap();
     control.not_effective = true;
-    control.failsafe = true;
+    control.failsafe = Some(FailSafeRun::due(FailSafe::Stop, Cause::CommanderLost, NOW));
     control.last = Some(Report::new(Outcome::Failed, Reason::KeptOldValue));
     let said = advice(&description, &view);
     let has = |severity, part: &str| said.iter().any(|(it, text)| *it == severity && text.contains(part));
@@ -277,9 +280,51 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     assert!(has(Severity::Problem, "a stop shows no effect"), "{said:?}");
     assert!(has(Severity::Problem, "the drive kept its old value; it may be locked"), "{said:?}");
     assert!(has(Severity::Hint, "watchdog over the bus is off"), "{said:?}");
-    assert!(has(Severity::Hint, "the commander was lost"), "{said:?}");
+    assert!(
+        has(Severity::Hint, "the commander was lost. The declared action (stop) is due: nothing was sent"),
+        "{said:?}"
+    );
     view.control.as_mut().unwrap().last = Some(Report::new(Outcome::Confirmed, Reason::None));
     assert_eq!(advice(&description, &view).len(), said.len() - 1);
+}
+
+#[test]
+fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached() {
+    let description = description("hyundai-n700");
+    for cause in Cause::ALL {
+        for stage in FailSafeStage::ALL {
+            let mut view = view(&description, 0);
+            let due = FailSafeRun::due(FailSafe::Coast, cause, NOW);
+            view.control.as_mut().unwrap().failsafe = Some(FailSafeRun { stage, ..due });
+            let said = drive(&description, &view).advice(Interface::Rs485, NOW);
+            let told: Vec<_> =
+                said.iter().filter(|it| matches!(it.sign, Sign::CommanderLost | Sign::FailSafe)).collect();
+            let [told] = told.as_slice() else { panic!("{said:?}") };
+            assert_eq!(told.sign == Sign::CommanderLost, cause.is_lost_commander());
+            let text = told.text.to_string();
+            assert!(text.contains("coast") && !text.contains("finding."), "{text}");
+            assert_eq!(text.contains("was carried out"), stage == FailSafeStage::Effective, "{text}");
+            assert_eq!(text.contains("commander was lost"), cause == Cause::CommanderLost, "{text}");
+        }
+    }
+}
+
+#[test]
+fn a_drive_that_may_still_run_is_the_first_problem_whether_the_line_is_up_or_down() {
+    let description = description("hyundai-n700");
+    for (line_is_up, output, part) in [
+        (true, Some(Hertz::from_millihertz(42_500)), "last seen running forward at 42.5 Hz. Go to the drive"),
+        (false, None, "last seen running forward. Go to the drive"),
+    ] {
+        let mut view = view(&description, 0);
+        view.line_is_up = line_is_up;
+        view.snapshot.presence = Presence::Offline;
+        let last_seen = Some(LastSeen { run_state: RunState::Forward, output, at: SeenAt::Here(NOW) });
+        view.sight = SightView { last_seen, may_still_run: true };
+        let said = ranked(drive(&description, &view).advice(Interface::Rs485, NOW));
+        let text = said[0].text.to_string();
+        assert!(said[0].sign == Sign::MayStillRun && text.contains("MAY STILL RUN") && text.contains(part), "{said:?}");
+    }
 }
 
 #[test]

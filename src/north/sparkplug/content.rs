@@ -126,7 +126,7 @@ impl Look<'_> {
             Control::StartInhibited => control.start_inhibited,
             Control::StopPending => control.stop_pending,
             Control::NotEffective => control.not_effective,
-            Control::FailSafe => control.failsafe,
+            Control::FailSafe => control.failsafe.is_some(),
         };
         Content::bool(self.view.control.as_ref().map(of))
     }
@@ -137,6 +137,7 @@ impl Look<'_> {
             Status::Local => of_view.is_local(),
             Status::Alarm => of_view.alarm,
             Status::Ready => of_view.ready,
+            Status::MayStillRun => Some(self.view.sight.may_still_run),
         })
     }
 

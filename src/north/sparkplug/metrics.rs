@@ -52,6 +52,7 @@ pub(super) enum Status {
     Local,
     Alarm,
     Ready,
+    MayStillRun,
 }
 
 /// A part of the outcome of a command.
@@ -137,6 +138,7 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
     let mut all: Vec<_> = topics.map(|(kind, name)| of_topic(drive, kind, name)).collect();
     all.push(Definition::new("trip/total", Source::TripTotal, Datatype::Int64));
     let flags = [
+        ("status/may_still_run", Status::MayStillRun, true),
         ("status/local", Status::Local, drive.model.status_flag(Flag::BusRun).is_some()),
         ("status/alarm", Status::Alarm, drive.model.status_flag(Flag::Alarm).is_some()),
         ("status/ready", Status::Ready, drive.model.status_flag(Flag::Ready).is_some()),

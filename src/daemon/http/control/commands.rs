@@ -6,7 +6,7 @@ use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
 use crate::daemon::http::answers::refusal;
-use crate::daemon::http::setup;
+use crate::daemon::http::{setup, standstill};
 use crate::daemon::local::Who;
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::guard::COMMAND_DEADLINE;
@@ -135,6 +135,32 @@ pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<
     let mut answer = told(&drive, report);
     answer["error"] = old.map_or_else(|| report.message(), |old| old.to_string()).into();
     (StatusCode::CONFLICT, json(&answer)).into_response()
+}
+
+/// The signed-in user confirms that the motor of a drive that is out of sight stands. It ends what is told of it, and
+/// sends nothing.
+pub(super) async fn confirm_standstill(
+    State(control): State<Arc<Control>>,
+    Path(name): Path<String>,
+    request: Request,
+) -> Response {
+    let Admitted { user, rights, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
+        Ok(admitted) => admitted,
+        Err(refused) => return *refused,
+    };
+    if !is_empty(&body) {
+        return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
+    }
+    let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
+    if !rights.may_command(drive.description.group.as_ref()) {
+        return not_allowed(&drive);
+    }
+    if let Some(old) = old {
+        let mut answer = told(&drive, Report::refused(Reason::Stale));
+        answer["error"] = old.to_string().into();
+        return (StatusCode::CONFLICT, json(&answer)).into_response();
+    }
+    standstill::confirm(&control.side, Who::signed_in(user), &drive)
 }
 
 /// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together,

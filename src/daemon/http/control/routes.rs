@@ -21,6 +21,7 @@ pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
         .route("/api/v1/session", get(sign_in::session).post(sign_in::sign_in).delete(sign_in::sign_out))
         .route("/api/v1/drives/{name}/command", post(commands::command))
         .route("/api/v1/drives/{name}/lease", post(commands::renew))
+        .route("/api/v1/drives/{name}/standstill", post(commands::confirm_standstill))
         .route("/api/v1/stop", post(commands::stop_all))
         .route("/api/v1/standby/yield", post(yield_lines))
         .with_state(Arc::clone(&control))

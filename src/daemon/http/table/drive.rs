@@ -96,6 +96,11 @@ pub(in super::super) const COMMANDS: Name = Name {
 pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     gauge("drive_online", "1 while the drive answers.", |view| truth(view.is_online())),
     gauge(
+        "drive_may_still_run",
+        "1 while the drive is out of sight, and its motor was not seen at standstill before.",
+        |view| truth(view.sight.may_still_run),
+    ),
+    gauge(
         "drive_run_state",
         "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, 7 stopping.",
         |view| Some(f64::from(shown::run_state(view).number())),
@@ -144,8 +149,19 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     gauge("drive_not_effective", "1 while a stop had no effect in time.", |view| {
         of_control(view, |control| control.not_effective)
     }),
-    gauge("drive_failsafe", "1 while the fail-safe action was the last to act.", |view| {
-        of_control(view, |control| control.failsafe)
+    gauge("drive_failsafe", "1 from the moment a fail-safe action falls due to the next RUN.", |view| {
+        of_control(view, |control| control.failsafe.is_some())
+    }),
+    gauge(
+        "drive_failsafe_stage",
+        "How far it has come: 0 none, 1 due, 2 sent, 3 effective, 4 not needed, 5 given up.",
+        |view| {
+            let run = view.control.as_ref()?.failsafe;
+            Some(run.map_or(0.0, |run| f64::from(1 + run.stage as u8)))
+        },
+    ),
+    gauge("drive_commander_lost", "1 while that action's cause is a commander that was lost.", |view| {
+        of_control(view, |control| control.failsafe.is_some_and(|run| run.cause.is_lost_commander()))
     }),
     gauge("drive_lease_held", "1 while a client holds control.", |view| {
         of_control(view, |control| control.lease.is_some())

@@ -47,12 +47,14 @@ pub mod bit {
 pub mod alarm {
     /// A stop had no effect in time.
     pub const NOT_EFFECTIVE: u16 = 1;
-    /// The fail-safe action ran since the last RUN.
+    /// A fail-safe action fell due since the last RUN.
     pub const FAIL_SAFE: u16 = 1 << 1;
     /// A polled value is stale, or none was read yet.
     pub const STALE: u16 = 1 << 2;
     /// The line's port is closed.
     pub const LINE_DOWN: u16 = 1 << 3;
+    /// The drive is out of sight and was not seen at standstill.
+    pub const MAY_STILL_RUN: u16 = 1 << 4;
 }
 
 /// Capability bits: uniform word 26.
@@ -117,9 +119,10 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
     let control = view.control.as_ref();
     [
         (control.is_some_and(|control| control.not_effective), alarm::NOT_EFFECTIVE),
-        (control.is_some_and(|control| control.failsafe), alarm::FAIL_SAFE),
+        (control.is_some_and(|control| control.failsafe.is_some()), alarm::FAIL_SAFE),
         (sources.is_stale(view, now), alarm::STALE),
         (!view.line_is_up, alarm::LINE_DOWN),
+        (view.sight.may_still_run, alarm::MAY_STILL_RUN),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))

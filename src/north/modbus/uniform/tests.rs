@@ -4,7 +4,8 @@ use super::super::request::parse;
 use super::super::testing::{self, NOW};
 use super::*;
 use crate::domain::command::{Direction, Order, Outcome, Owner, Reason, Report, RunIntent};
-use crate::domain::control::ControlAction;
+use crate::domain::control::{ControlAction, FailSafe};
+use crate::domain::fail_safe::{Cause, FailSafeRun};
 use crate::domain::ids::CommanderName;
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
@@ -244,7 +245,7 @@ fn control_is_shown_as_it_is() {
     let control = ControlView {
         start_inhibited: true,
         not_effective: true,
-        failsafe: true,
+        failsafe: Some(FailSafeRun::due(FailSafe::Stop, Cause::CommanderLost, NOW)),
         stop_pending: true,
         commands: 77,
         intent: RunIntent::Run(Direction::Reverse),

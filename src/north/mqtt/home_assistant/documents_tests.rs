@@ -194,9 +194,10 @@ fn everything_hangs_on_gateway_and_drive_but_a_stop_and_what_tells_of_them() {
             let topics: Vec<_> = document["availability"].as_array().unwrap().iter().map(|it| &it["topic"]).collect();
             assert_eq!(document["availability_mode"], "all");
             assert_eq!(topics[0], "vfd/plant/status");
-            let is_of_the_gateway =
-                matches!(key.as_str(), "connected" | "stop" | "coast" | "last_command" | "last_reason")
-                    || key.starts_with("usage_");
+            let is_of_the_gateway = matches!(
+                key.as_str(),
+                "connected" | "stop" | "coast" | "last_command" | "last_reason" | "may_still_run" | "last_seen"
+            ) || key.starts_with("usage_");
             let of_drive: Vec<Value> =
                 if is_of_the_gateway { Vec::new() } else { vec!["vfd/plant/drive/pump-1/availability".into()] };
             assert_eq!(topics[1..], of_drive.iter().collect::<Vec<_>>(), "{component} {key}");

@@ -16,6 +16,9 @@ pub(super) const RUNNING: &str =
     "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
 const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
                         {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
+/// What was last seen of a drive that is out of sight.
+const LAST_SEEN: &str = "{% set seen = value_json.last_seen if value else None %}\
+                         {{ 'in sight' if not seen else seen.run_state ~ (' ' ~ seen.output_hz ~ ' Hz' if seen.output_hz is not none) ~ ', ' ~ seen.at }}";
 /// A topic that is cleared while control has no owner could not say so to later subscribers.
 const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'unknown' }}";
 const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";
@@ -146,7 +149,12 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         let entity = Entity::new(Component::BinarySensor, key, name, Needs::Drive);
         entity.made_of(topic.to_owned(), template).words("True", "False").diagnostic()
     };
-    let mut entities = Vec::new();
+    // It is about a drive that is not there.
+    let unseen = Entity::new(Component::BinarySensor, "may_still_run", "May still run", Needs::Gateway);
+    let unseen = unseen.made_of(topic.to_owned(), json_at("may_still_run")).words("True", "False");
+    let last_seen = Entity::new(Component::Sensor, "last_seen", "Last seen", Needs::Gateway);
+    let mut entities =
+        vec![unseen.class("problem"), last_seen.made_of(topic.to_owned(), LAST_SEEN).diagnostic().icon("mdi:eye-off")];
     if has(&drive.model, &[Flag::BusRun, Flag::BusFrequency]) {
         entities.push(sensor("local", "Local control", json_at("local")));
     }
@@ -163,7 +171,7 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         let control = |key: &str, name: &str| sensor(key, name, json_at(&format!("control.{key}")));
         entities.push(control("start_inhibited", "Start inhibited"));
         entities.push(control("not_effective", "Stop without effect").class("problem"));
-        entities.push(control("failsafe", "Fail-safe action ran").class("problem"));
+        entities.push(control("failsafe", "Fail-safe action").class("problem"));
         let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
         entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic().icon("mdi:account-key"));
     }

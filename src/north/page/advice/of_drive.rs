@@ -11,7 +11,7 @@ use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::journal::trip;
 use crate::north::finding::{Finding, Severity, Sign, offline, warns};
 use crate::north::page::drive::Drive;
-use crate::north::shown::{fresh, said, warning_text};
+use crate::north::shown::{fail_safe_text, fresh, may_still_run, said, warning_text};
 use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register, RunForm, SetupItem};
 use crate::profile::scale::Scaled;
@@ -24,6 +24,9 @@ impl Drive<'_> {
         let line = Some(description.line.clone());
         let drive = Some(description.name.clone());
         let mut said = Advice { line, drive, all: Vec::new() };
+        if self.view.sight.may_still_run {
+            said.say(Sign::MayStillRun, may_still_run(self.view));
+        }
         // A line that is down is reported once, for all its drives.
         if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
             said.say(Sign::Offline, offline(self.station));
@@ -145,8 +148,9 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
         let stopped = Sentence::new("finding.stopped_again").with("by", again.by.to_string());
         said.say(Sign::StoppedAgain, stopped.with("times", u64::from(again.times)));
     }
-    if control.failsafe {
-        said.say(Sign::CommanderLost, Sentence::new("finding.commander_lost"));
+    if let Some(run) = control.failsafe {
+        let sign = if run.cause.is_lost_commander() { Sign::CommanderLost } else { Sign::FailSafe };
+        said.say(sign, fail_safe_text(run));
     }
     if let Some(text) = control.last.as_ref().and_then(|last| refused(model, last)) {
         said.say(Sign::CommandFailed, text);

@@ -1,0 +1,22 @@
+//! A person confirms that the motor of a drive that is out of sight stands.
+
+use super::answers::{json, refusal};
+use super::setup::outcome_at;
+use crate::daemon::exchange::shared::SharedDrive;
+use crate::daemon::local::{LocalSide, Who};
+use crate::domain::command::{Outcome, Reason, Report};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+
+/// Tells the line of `drive` that `who` confirms it. It ends what is told of the drive, and sends nothing.
+pub(super) fn confirm(side: &LocalSide, who: Who, drive: &SharedDrive) -> Response {
+    if !drive.view.load().sight.may_still_run {
+        let why = "there is nothing to confirm: the drive is in sight, or it was seen at standstill";
+        return refusal(StatusCode::CONFLICT, why);
+    }
+    if !side.confirm_standstill(who, drive.description.place) {
+        return refusal(StatusCode::SERVICE_UNAVAILABLE, "the drive's line takes no messages");
+    }
+    tracing::info!(drive = %drive.description.name, by = %who.owner(), "confirmed that the motor stands");
+    json(&outcome_at(drive, Report::new(Outcome::Acknowledged, Reason::None), Vec::new())).into_response()
+}

@@ -1,0 +1,65 @@
+//! A drive that goes out of sight: what was last seen of it is kept, and told if its motor may still run.
+
+use super::heard_order::HeardOrder;
+use super::{DriveWork, Out};
+use crate::domain::command::Owner;
+use crate::drive::sight::{LastSeen, SeenAt, SightView};
+use crate::gateway::event::Effect;
+use crate::gateway::note::Note;
+use crate::journal::{Entry, Remembered};
+
+impl DriveWork {
+    /// What was last seen of it, if it `is_away`.
+    #[must_use]
+    pub fn sight_view(&self, is_away: bool) -> SightView {
+        if is_away { self.sight.view() } else { SightView::default() }
+    }
+
+    /// A person, `owner`, confirms that the motor stands.
+    pub fn confirm_standstill(&mut self, owner: Owner, out: Out<'_>) {
+        if self.sight.confirmed() {
+            self.has_changed = true;
+            out.push_back(Effect::Note(self.drive, Note::StandstillConfirmed { by: owner }));
+            out.keep(self.drive, Entry::InSight { confirmed_by: Some(owner) });
+        }
+    }
+
+    /// The drive has stopped answering.
+    pub fn out_of_sight(&mut self, out: Out<'_>) {
+        self.lose_sight(out);
+        self.forget_readings(out);
+    }
+
+    /// The drive cannot be asked any more. To be called before readings and orders are forgotten.
+    pub(super) fn lose_sight(&mut self, out: Out<'_>) {
+        let read_at = self.output.at().max(self.status_at);
+        let last_seen = read_at.map(|at| LastSeen {
+            run_state: self.run_state(false),
+            output: self.output_frequency(),
+            at: SeenAt::Here(at),
+        });
+        let is_heard = matches!(self.heard, HeardOrder::Run(..));
+        // What was read before an order says nothing of what it does.
+        let is_ordered = self.guard.may_be_obeyed() || is_heard || self.latch.is_some();
+        let may_run = is_ordered || (last_seen.is_some() && !self.is_at_standstill());
+        if self.sight.lost(last_seen, may_run) {
+            let last_seen = self.sight.last_seen();
+            out.push_back(Effect::Note(self.drive, Note::MayStillRun(last_seen)));
+            out.keep(self.drive, Entry::OutOfSight { last_seen });
+        }
+    }
+
+    /// A reading shows what the drive does.
+    pub(super) fn is_seen(&mut self, out: Out<'_>) {
+        if self.sight.seen() {
+            out.keep(self.drive, Entry::InSight { confirmed_by: None });
+        }
+    }
+
+    /// Restores what an earlier process last saw of a drive that it could not see at standstill.
+    pub(super) fn remember_sight(&mut self, remembered: &Remembered) {
+        if remembered.may_still_run || remembered.lease.is_some() || remembered.stop.is_some() {
+            self.sight.remember(remembered.last_seen);
+        }
+    }
+}
