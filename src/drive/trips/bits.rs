@@ -1,4 +1,4 @@
-//! Trips that each have a bit of one word, or of two.
+//! Trips by their numbers, or that each have a bit of one word, or of two.
 
 use super::TripWatch;
 
@@ -14,5 +14,9 @@ impl TripWatch {
             self.shown = Some(shown & !gone);
             self.code = self.code.map(|code| code & !gone);
         }
+    }
+    /// Whether the number or bits `code` are of another trip than `last`, if that is known.
+    pub(super) fn is_another(&self, code: u32, last: Option<u32>) -> bool {
+        self.places.as_ref().zip(last).is_some_and(|(places, last)| places.is_another(code, last))
     }
 }

@@ -25,6 +25,7 @@ use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 pub use baseline::TripBaseline;
 use places::{Places, Source, TripReading};
+use std::time::Duration;
 
 /// How often a record is read again because the count kept rising or the read was not answered. After that the trips
 /// are reported with what is known, so that they do not wait forever.
@@ -33,6 +34,9 @@ const READS_MAX: u8 = 4;
 /// A count that rises by more at once, or falls, is read again before it is believed: it may be the answer to another
 /// request.
 const TRIPS_AT_ONCE: u16 = 16;
+
+/// How long another number waits for the record of the trip before it, which is told without it then.
+const UNREAD_AFTER: Duration = Duration::from_secs(2);
 
 /// The trips of one drive.
 #[derive(Clone, Debug, Default)]
@@ -149,7 +153,7 @@ impl TripWatch {
         self.is_in_sight |= seen.is_some();
         self.is_contradicted &= seen.is_none();
         if let Some(code) = cause.filter(|code| *code != 0 && told.is_empty()) {
-            self.take_code(code, now);
+            told.extend(self.take_code(code, now));
         }
         told
     }
@@ -249,19 +253,22 @@ impl TripWatch {
     }
 
     /// The number or the bits of a trip were seen. While one is active, another number or bit is another trip.
-    fn take_code(&mut self, code: u32, now: MonoTime) {
+    fn take_code(&mut self, code: u32, now: MonoTime) -> Option<TripEvent> {
         if self.is_counted() || self.view.active != Some(true) {
-            return;
+            return None;
         }
         self.forget_cleared(code);
+        let waits =
+            |it: &Reading| it.is_news && now.since(it.seen_at) >= UNREAD_AFTER && self.is_another(code, it.code);
+        let told = if self.reading.as_ref().is_some_and(waits) { self.end_reading(false) } else { None };
         let last = self.shown;
-        let is_other = self.places.as_ref().zip(last).is_some_and(|(places, last)| places.is_another(code, last));
-        if self.reading.is_none() && is_other {
+        if self.reading.is_none() && self.is_another(code, last) {
             self.reading = Some(Reading { instead_of: last, ..self.new_reading(true, now) });
         }
         if let Some(reading) = &mut self.reading {
             reading.code = Some(code);
         }
+        told
     }
 
     fn take_count(&mut self, count: u16, now: MonoTime, events: &mut Vec<TripEvent>) {
@@ -293,6 +300,10 @@ impl TripWatch {
                 events.extend(self.clear(now));
             }
             return;
+        }
+        // A listener reads no record: the trip before keeps its own time and count.
+        if self.reading.as_ref().is_some_and(|it| it.is_news && it.is_sure && it.count.is_some_and(|was| was < count)) {
+            events.extend(self.end_reading(false));
         }
         let parts = self.places.as_ref().map_or(0, |places| places.record.len());
         let mut reading = self.reading.take().unwrap_or_else(|| self.new_reading(true, now));
@@ -351,7 +362,7 @@ impl TripWatch {
             return None;
         }
         let code = cause.filter(|code| *code != 0).or(reading.code);
-        let is_other = code.zip(self.code).is_some_and(|(code, told)| places.is_another(code, told));
+        let is_other = code.is_some_and(|code| self.is_another(code, self.code));
         let is_news = reading.is_news || (is_other && self.held == Some(true));
         let number = code.and_then(|code| places.code(code));
         let record = TripRecord { at: reading.seen_at, code: number, words };

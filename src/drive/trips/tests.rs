@@ -374,6 +374,30 @@ fn a_count_that_falls_before_the_record_was_read_takes_no_trip_with_it() {
     assert_eq!((watch.baseline().count, watch.one(COUNT, &[0], at(4))), (Some(0), None));
 }
 
+/// While another gateway of the line is active, polls are overheard and the record is not read.
+#[test]
+fn a_trip_behind_one_whose_record_was_not_read_has_its_own_time() {
+    let of = |event: &TripEvent| (event.count, event.at, event.while_away, trips(Some(event.clone())));
+    let mut watch = remembering(TripWatch::new(&model()), Some(1), None, None);
+    for ms in [0, 500, 6_000] {
+        assert_eq!(watch.one(COUNT, &[2], at(ms)), None);
+    }
+    let first = watch.one(COUNT, &[3], at(6_500)).unwrap();
+    assert_eq!(of(&first), (Some(2), at(0), true, (1, None)), "it is told without its record");
+    watch.one(0x0113, &RECORD, at(6_600));
+    let second = watch.one(COUNT, &[3], at(6_700)).unwrap();
+    assert_eq!(of(&second), (Some(3), at(6_500), false, (1, Some(7))));
+    assert_eq!(watch.view().seen, 2);
+
+    let mut watch = remembering(flagged(), None, Some(false), None);
+    watch.one(STATUS, &[TRIPPED], at(0));
+    watch.one(0x0113, &[7], at(1));
+    let first = watch.one(0x0113, &[9], at(6_500)).unwrap();
+    assert_eq!(of(&first), (None, at(0), true, (1, Some(7))));
+    let second = watch.one(0x0113, &[9, 0, 0, 530], at(6_600)).unwrap();
+    assert_eq!(of(&second), (None, at(6_500), false, (1, Some(9))));
+}
+
 #[test]
 fn a_trip_that_holds_at_start_is_reported_unless_it_was_reported_already() {
     for (held, code, is_told) in [

@@ -11,7 +11,8 @@ use std::time::Duration;
 
 /// Most events that are remembered until this gateway has seen them itself, and most drives with a last trip.
 const HEARD_MAX: usize = 256;
-/// How long an event is remembered. What was not seen here by then was not seen here at all.
+/// How long an event is remembered that has no count of the drive. What was not seen here by then was not seen here at all.
+/// One with a count may be: a listener reads no record, and tells the trip when it has the line.
 const HEARD_FOR: Duration = Duration::from_secs(60);
 
 /// What tells an event from others of the same drive.
@@ -22,6 +23,8 @@ pub(super) struct Mark {
     count: Value,
     code: Value,
     values: Value,
+    /// It was found at the drive, and not seen to happen.
+    while_away: bool,
 }
 
 impl Mark {
@@ -30,7 +33,8 @@ impl Mark {
         let value = |key: &str| body.get(key).cloned().unwrap_or_default();
         let kind = value("kind").as_str().unwrap_or_default().to_owned();
         let values = value("values");
-        Self { drive: drive.to_owned(), kind, count: value("count"), code: value("code"), values }
+        let while_away = value("while_away") == true;
+        Self { drive: drive.to_owned(), kind, count: value("count"), code: value("code"), values, while_away }
     }
 
     /// The drive.
@@ -48,10 +52,20 @@ impl Mark {
             && agree(&self.code, &other.code)
     }
 
-    /// Whether the retained `last` record of the drive is of this trip.
+    /// The same for an event that was heard long ago: only the drive's own count tells it from a later one.
+    fn is_the_same_trip(&self, other: &Self) -> bool {
+        let agree = self.has_no_values() || other.has_no_values() || self.values == other.values;
+        self.kind == "tripped" && self.count.is_number() && self.count == other.count && agree && self.is_same(other)
+    }
+
+    fn has_no_values(&self) -> bool {
+        self.values.as_object().is_none_or(Map::is_empty)
+    }
+
+    /// Whether the retained `last` record of the drive is of this trip. One that was seen to happen and has no record may
+    /// be a newer one for the same cause.
     fn is_last(&self, last: &Map<String, Value>) -> bool {
-        let is_the_values =
-            |values: &Value| self.values == *values || self.values.as_object().is_none_or(Map::is_empty);
+        let is_the_values = |values: &Value| self.values == *values || (self.while_away && self.has_no_values());
         let code = last.get("code");
         self.kind == "tripped"
             && code.is_some_and(|code| self.code.is_null() || self.code == *code)
@@ -70,7 +84,8 @@ pub(super) struct Told {
 impl Told {
     /// Remembers an event that was told and that no event of ours is known to be.
     pub(super) fn remember(&mut self, at: MonoTime, mark: Mark) {
-        while self.heard.len() >= HEARD_MAX || self.heard.front().is_some_and(|it| at.since(it.0) >= HEARD_FOR) {
+        self.heard.retain(|(heard_at, mark)| mark.count.is_number() || at.since(*heard_at) < HEARD_FOR);
+        if self.heard.len() >= HEARD_MAX {
             self.heard.pop_front();
         }
         self.heard.push_back((at, mark));
@@ -85,7 +100,9 @@ impl Told {
 
     /// Whether an event of ours that comes now was told already. It is forgotten by that.
     pub(super) fn take(&mut self, at: MonoTime, own: &Mark) -> bool {
-        let is_it = |(heard_at, mark): &(MonoTime, Mark)| at.since(*heard_at) < HEARD_FOR && mark.is_same(own);
+        let is_it = |(heard_at, mark): &(MonoTime, Mark)| {
+            if at.since(*heard_at) < HEARD_FOR { mark.is_same(own) } else { mark.is_the_same_trip(own) }
+        };
         if let Some(place) = self.heard.iter().position(is_it) {
             self.heard.remove(place);
             return true;
@@ -133,6 +150,19 @@ mod tests {
         assert!(!mark(&json!({})).is_same(&mark(&json!({}))), "what is not understood is like no other");
     }
 
+    /// A listener that was restarted, or off the line, finds a trip minutes after the other one has told it.
+    #[test]
+    fn a_counted_trip_is_known_again_however_late_it_is_found() {
+        let at = MonoTime::from_millis;
+        let trip = |values: Value| mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "values": values }));
+        for (own, is_told) in [(json!({ "a": 1 }), true), (json!({}), true), (json!({ "a": 2 }), false)] {
+            let mut told = Told::default();
+            told.remember(at(0), trip(json!({ "a": 1 })));
+            told.remember(at(300_000), mark(&json!({ "kind": "cleared" })));
+            assert_eq!(told.take(at(600_000), &trip(own.clone())), is_told, "{own}");
+        }
+    }
+
     #[test]
     fn each_heard_event_stands_for_one_of_ours_for_a_minute() {
         let mut told = Told::default();
@@ -152,7 +182,8 @@ mod tests {
         let record = json!({ "at": "then", "code": 9, "values": { "hours": 7 } });
         for (own, is_it) in [
             (json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 7 } }), true),
-            (json!({ "kind": "tripped", "count": 1, "code": null, "values": {} }), true),
+            (json!({ "kind": "tripped", "count": 1, "code": null, "values": {}, "while_away": true }), true),
+            (json!({ "kind": "tripped", "count": 1, "code": null, "values": {} }), false),
             (json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 8 } }), false),
             (json!({ "kind": "tripped", "count": 1, "code": 8, "values": { "hours": 7 } }), false),
             (json!({ "kind": "cleared", "count": 1 }), false),
