@@ -41,6 +41,11 @@ impl LineCore {
         // Whatever follows a question ends the time for its answer.
         share.answer = None;
         if let Some(signal) = Signal::decode(station, pdu) {
+            if share.is_own(signal) {
+                // The answer to a question has come back: what this adapter does is known before the line is needed.
+                self.counters.echoes += 1;
+                return self.echo.found();
+            }
             let unanswered = share.heard_signal(now, at, signal);
             return self.is_unanswered(now, unanswered);
         }

@@ -100,6 +100,12 @@ impl EchoWatch {
         }
     }
 
+    /// A frame that only this gateway sends has come back.
+    pub fn found(&mut self) {
+        self.known = LocalEcho::Found;
+        self.clean_reads = 0;
+    }
+
     /// Whether the line echoes, and the last frame did not come back as it was sent.
     #[must_use]
     pub fn misses_echo(&self) -> bool {
