@@ -147,6 +147,12 @@ mod signed_setpoints;
 mod signs;
 #[path = "scenarios/standby.rs"]
 mod standby;
+#[path = "scenarios/standby_equal_ranks.rs"]
+mod standby_equal_ranks;
+#[path = "scenarios/standby_play/mod.rs"]
+mod standby_play;
+#[path = "scenarios/standby_roll_call.rs"]
+mod standby_roll_call;
 #[path = "scenarios/standby_trouble.rs"]
 mod standby_trouble;
 #[path = "scenarios/starts.rs"]

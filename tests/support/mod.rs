@@ -2,6 +2,7 @@
 
 pub mod families;
 pub mod mixed;
+pub mod noise;
 pub mod pair;
 pub mod sheet;
 

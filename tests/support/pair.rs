@@ -1,9 +1,11 @@
 //! Gateways that share one line with simulated drives, under one virtual clock: each hears every byte of the others.
 
+use super::noise::Jam;
 use super::{ORIGIN, RigOptions};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
+use vfd_gateway::domain::address::Address;
 use vfd_gateway::domain::command::{CommandAnswer, CommandRequest, Order, Origin, Outcome, Reason};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use vfd_gateway::domain::link::PortKind;
@@ -13,13 +15,15 @@ use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
 use vfd_gateway::gateway::{Effect, Input, LineCore, LineNote, LineSetup, Note};
-use vfd_gateway::journal::Keep;
+use vfd_gateway::journal::{Keep, Remembered, RememberedLease};
 use vfd_gateway::line::standby::StandbyTimes;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::wire::framing;
 use vfd_gateway::wire::signal::{STATION, Signal, SignalKind};
 
+/// In the place of a half: a master that is no gateway of the pair.
+const FOREIGN: usize = usize::MAX;
 /// Most bytes that the system keeps for a process that is suspended.
 const KEPT_BYTES: usize = 65_536;
 
@@ -41,6 +45,18 @@ pub struct Half {
     pub hole: Duration,
     /// Thousandths of the frames of others that it does not hear.
     pub loses_per_mille: u64,
+    /// Its receiver is dead.
+    pub is_deaf: bool,
+    /// Its transmitter is dead: what it sends reaches nothing.
+    pub is_mute: bool,
+    /// Its port has another speed than the line: it hears garbage, and is garbage to all others.
+    pub is_off_speed: bool,
+    /// Thousandths of the bytes of others that it hears wrongly.
+    pub mishears_per_mille: u64,
+    /// Thousandths of its own bytes that all others hear wrongly.
+    pub misspeaks_per_mille: u64,
+    /// What its journal remembers of each drive; `None`: it has no journal.
+    pub memory: Option<Vec<Remembered>>,
     /// How much faster its clock runs, in millionths.
     pub drift_ppm: i64,
     pub reports: Vec<(MonoTime, CommandAnswer)>,
@@ -60,6 +76,19 @@ pub struct Sent {
     pub pdu: Vec<u8>,
     /// Another transmission ran into it.
     pub is_damaged: bool,
+    /// It has not left its adapter.
+    pub is_lost: bool,
+}
+
+impl Half {
+    /// Takes a row for its journal, which is durable at once.
+    fn keep(&mut self, now: MonoTime, keep: Keep) {
+        if let Some(memory) = &mut self.memory {
+            memory[keep.drive.get()].take(&keep.entry);
+            self.core.iter_mut().for_each(|core| core.handle(now, Input::Kept(keep.row)));
+        }
+        self.kept.push(keep);
+    }
 }
 
 impl Sent {
@@ -90,6 +119,10 @@ pub struct Pair {
     held_back: Vec<(MonoTime, usize, Vec<u8>)>,
     /// The pair of wires is cut: the first half reaches the drives, the others reach nothing.
     pub is_cut: bool,
+    /// The drives have lost the pair of wires: they hear nothing and are not heard.
+    pub drives_are_cut: bool,
+    /// What babbles on the line.
+    pub jam: Option<Jam>,
     timing: Timing,
     random: u64,
     last_ticket: u64,
@@ -129,6 +162,12 @@ impl Pair {
             echoes: false,
             hole: Duration::ZERO,
             loses_per_mille: 0,
+            is_deaf: false,
+            is_mute: false,
+            is_off_speed: false,
+            mishears_per_mille: 0,
+            misspeaks_per_mille: 0,
+            memory: None,
             drift_ppm: 0,
             reports: Vec::new(),
             answers: Vec::new(),
@@ -146,6 +185,8 @@ impl Pair {
             on_wire: Vec::new(),
             held_back: Vec::new(),
             is_cut: false,
+            drives_are_cut: false,
+            jam: None,
             timing,
             random: options.seed,
             last_ticket: 0,
@@ -177,6 +218,20 @@ impl Pair {
         it.is_suspended = false;
         it.held = None;
         self.open(half);
+    }
+
+    /// Starts the gateway again after a [kill](Self::kill). What its journal has of the drives is remembered if it has one.
+    pub fn start_again(&mut self, half: usize) {
+        let it = &mut self.halves[half];
+        it.setup.asked_before = true;
+        for (place, drive) in it.setup.drives.iter_mut().enumerate() {
+            drive.remembered = it.memory.as_ref().map_or_else(Remembered::default, |memory| memory[place]);
+        }
+        // An owner gets its time once.
+        for remembered in it.memory.iter_mut().flatten() {
+            remembered.lease = remembered.lease.map(|lease| RememberedLease { was_orphaned: true, ..lease });
+        }
+        self.start(half);
     }
 
     /// Kills the gateway.
@@ -284,6 +339,20 @@ impl Pair {
         ticket
     }
 
+    /// Writes one register of a drive through `half`.
+    pub fn write(&mut self, half: usize, index: u16, address: Address, value: u16) -> Ticket {
+        self.last_ticket += 1;
+        let ticket = Ticket(self.last_ticket);
+        let now = self.clock(half);
+        let ask = NativeAsk::Write { address, values: vec![value] };
+        let deadline = now + Duration::from_secs(1);
+        let request =
+            NativeRequest { asker: AskerId(1), ticket, drive: DriveIndex(index), origin: ORIGIN, ask, deadline };
+        self.core(half).handle(now, Input::Native(request));
+        self.settle(half);
+        ticket
+    }
+
     /// The last report on a command so far.
     pub fn told(&self, half: usize, ticket: Ticket) -> Option<(Outcome, Reason)> {
         let mut of_ticket = self.halves[half].reports.iter().rev().filter(|(_, answer)| answer.ticket == ticket);
@@ -332,6 +401,7 @@ impl Pair {
         }
         next = self.held_back.iter().map(|(at, ..)| *at).fold(next, MonoTime::min);
         next = self.on_wire.iter().map(|it| it.end).fold(next, MonoTime::min);
+        next = self.jam.as_ref().map_or(next, |jam| next.min(jam.next_at));
         if next > until {
             self.now = until;
             return false;
@@ -341,6 +411,7 @@ impl Pair {
             let (_, half, rest) = self.held_back.remove(place);
             self.deliver(half, &rest);
         }
+        self.babble();
         self.end_frames();
         self.take_replies();
         for half in 0..self.halves.len() {
@@ -359,7 +430,11 @@ impl Pair {
             if let Some(sent) = self.sent.get_mut(place).filter(|sent| sent.half == half) {
                 sent.is_damaged = is_damaged;
             }
-            let is_reached = !self.is_cut || half == 0;
+            if let Some(speaker) = self.halves.get(half) {
+                let (is_off_speed, wrong) = (speaker.is_off_speed, speaker.misspeaks_per_mille);
+                self.spoil(&mut frame, is_off_speed, wrong);
+            }
+            let is_reached = (!self.is_cut || half == 0) && !self.drives_are_cut;
             if is_reached {
                 self.bus.receive(self.now, &frame);
             }
@@ -380,10 +455,10 @@ impl Pair {
     fn take_replies(&mut self) {
         let mut replies = Vec::new();
         self.bus.take_due(self.now, |_, bytes| replies.extend_from_slice(bytes));
-        if replies.is_empty() {
+        if replies.is_empty() || self.drives_are_cut {
             return;
         }
-        if !self.on_wire.is_empty() {
+        if !self.on_wire.is_empty() || self.jam.as_ref().is_some_and(Jam::is_unbroken) {
             self.on_wire.iter_mut().for_each(|it| it.is_damaged = true);
             replies.iter_mut().for_each(|byte| *byte ^= 0x55);
         }
@@ -396,10 +471,15 @@ impl Pair {
 
     fn deliver(&mut self, half: usize, bytes: &[u8]) {
         let now = self.clock(half);
-        let it = &mut self.halves[half];
-        if !it.is_open {
+        let it = &self.halves[half];
+        if !it.is_open || it.is_deaf {
             return;
         }
+        let (is_off_speed, wrong) = (it.is_off_speed, it.mishears_per_mille);
+        let mut heard = bytes.to_vec();
+        self.spoil(&mut heard, is_off_speed, wrong);
+        let bytes = heard.as_slice();
+        let it = &mut self.halves[half];
         // An adapter delivers in order.
         if let Some((_, _, held)) = self.held_back.iter_mut().find(|(at, to, _)| *to == half && *at > self.now) {
             return held.extend_from_slice(bytes);
@@ -441,7 +521,7 @@ impl Pair {
                 Effect::Note(_, note) => it.notes.push((self.now, note)),
                 Effect::LineNote(note) => it.line_notes.push((self.now, note)),
                 Effect::Trip(_, event) => it.trips.push(event),
-                Effect::Keep(keep) => it.kept.push(keep),
+                Effect::Keep(keep) => it.keep(now, keep),
                 Effect::Reopen(_) | Effect::Traffic(_) | Effect::Presence(..) => {}
             }
         }
@@ -460,10 +540,52 @@ impl Pair {
         if !self.keeps_sent && self.sent.len() > 64 && self.on_wire.is_empty() {
             self.sent.drain(..32);
         }
-        let is_damaged = !self.on_wire.is_empty();
+        let is_lost = self.halves[half].is_mute;
+        let is_damaged = !is_lost && self.meets_another();
+        self.sent.push(Sent { at: self.now, end, half, pdu: pdu.into_owned(), is_damaged, is_lost });
+        if !is_lost {
+            self.on_wire.push(OnWire { half, place: self.sent.len() - 1, end, frame, is_damaged });
+        }
+    }
+
+    /// A master that is no gateway of the pair sends `frame`.
+    pub fn sends_foreign(&mut self, frame: Vec<u8>) {
+        let end = self.now + self.timing.on_wire(frame.len());
+        let is_damaged = self.meets_another();
+        self.on_wire.push(OnWire { half: FOREIGN, place: FOREIGN, end, frame, is_damaged });
+    }
+
+    /// A transmission begins. Returns whether another one is on the line, which is damaged by it.
+    fn meets_another(&mut self) -> bool {
+        let meets = !self.on_wire.is_empty() || self.jam.as_ref().is_some_and(Jam::is_unbroken);
         self.on_wire.iter_mut().for_each(|it| it.is_damaged = true);
-        self.sent.push(Sent { at: self.now, end, half, pdu: pdu.into_owned(), is_damaged });
-        self.on_wire.push(OnWire { half, place: self.sent.len() - 1, end, frame, is_damaged });
+        meets
+    }
+
+    /// Lets the jam babble up to now.
+    fn babble(&mut self) {
+        let Some(mut jam) = self.jam.take() else { return };
+        if jam.next_at <= self.now {
+            let (count, random) = (jam.count(self.random_below(6)), self.random_below(u64::MAX));
+            let bytes = random.to_be_bytes();
+            jam.next_at = self.now + self.timing.on_wire(count) + jam.pause(random);
+            self.on_wire.iter_mut().for_each(|it| it.is_damaged = true);
+            (0..self.halves.len()).for_each(|half| self.deliver(half, &bytes[..count]));
+        }
+        self.jam = Some(jam).filter(|jam| jam.next_at < jam.until);
+    }
+
+    /// What becomes of `bytes` at another speed, and where `wrong` thousandths of them are heard wrongly.
+    fn spoil(&mut self, bytes: &mut Vec<u8>, is_off_speed: bool, wrong: u64) {
+        if is_off_speed {
+            let count = bytes.len().div_ceil(2);
+            *bytes = (0..count).map(|_| u8::try_from(self.random_below(256)).unwrap_or_default()).collect();
+        }
+        if wrong > 0 {
+            for byte in bytes {
+                *byte ^= if self.random_below(1000) < wrong { 0x24 } else { 0 };
+            }
+        }
     }
 
     fn is_lost(&mut self, half: usize) -> bool {

@@ -40,6 +40,8 @@ pub enum At {
     Echoing(PathBuf),
     /// N700 drives with ramps of a second.
     Drives(&'static [u8]),
+    /// Something that speaks without order when it is told to.
+    Babbler,
 }
 
 /// The bus. Its ends are numbered as they lie on the pair.
@@ -62,6 +64,8 @@ enum Order {
     PullOut(usize),
     Cut(Option<usize>),
     Trip(Station, u16),
+    Deafen(usize, bool),
+    Babble(usize, Duration),
     End,
 }
 
@@ -116,6 +120,21 @@ impl Hub {
         self.order(Order::Trip(Station(station), cause))
     }
 
+    /// The receiver of the adapter at `end` dies. Returns when.
+    pub fn deafen(&self, end: usize) -> MonoTime {
+        self.order(Order::Deafen(end, true))
+    }
+
+    /// It hears again.
+    pub fn hears_again(&self, end: usize) -> MonoTime {
+        self.order(Order::Deafen(end, false))
+    }
+
+    /// The babbler at `end` speaks for `time` without a pause. Returns when it began.
+    pub fn babble(&self, end: usize, time: Duration) -> MonoTime {
+        self.order(Order::Babble(end, time))
+    }
+
     /// How many frames there were so far.
     pub fn count(&self) -> usize {
         self.seen.lock().unwrap().record.frames.len()
@@ -159,17 +178,23 @@ enum End {
         echoes: bool,
         /// What it has heard and the program has not got yet.
         heard: Vec<u8>,
+        is_deaf: bool,
     },
     Drives(Box<SimBus>),
+    Babbler,
 }
 
 impl End {
     fn new(at: At, link: LinkSettings) -> Self {
-        let port = |link: PathBuf, echoes| Self::Port { pty: Some(plugged_in(&link)), link, echoes, heard: Vec::new() };
+        let port = |link: PathBuf, echoes| {
+            let pty = Some(plugged_in(&link));
+            Self::Port { pty, link, echoes, heard: Vec::new(), is_deaf: false }
+        };
         match at {
             At::Port(link) => port(link, false),
             At::Echoing(link) => port(link, true),
             At::Drives(stations) => Self::Drives(Box::new(drives(stations, link))),
+            At::Babbler => Self::Babbler,
         }
     }
 }
@@ -233,7 +258,7 @@ impl Player {
             let held = is_held.then_some(self.hand_over_at);
             let dues = self.ends.iter().filter_map(|end| match end {
                 End::Drives(bus) => bus.next_due(),
-                End::Port { .. } => None,
+                End::Port { .. } | End::Babbler => None,
             });
             let wake = dues.chain(on_wire).chain(held).fold(look_up, MonoTime::min);
             if wake > clock::now() {
@@ -260,6 +285,12 @@ impl Player {
             }
             Order::Cut(behind) => self.wire.cut(behind),
             Order::Trip(station, cause) => self.trip(station, cause),
+            Order::Deafen(end, now) => {
+                if let End::Port { is_deaf, .. } = &mut self.ends[end] {
+                    *is_deaf = now;
+                }
+            }
+            Order::Babble(end, time) => self.wire.babble(clock::now(), end, time),
             Order::End => {}
         }
     }
@@ -267,7 +298,7 @@ impl Player {
     fn trip(&mut self, station: Station, cause: u16) {
         let buses = self.ends.iter_mut().filter_map(|end| match end {
             End::Drives(bus) => Some(bus),
-            End::Port { .. } => None,
+            End::Port { .. } | End::Babbler => None,
         });
         let mut drives = buses.filter_map(|bus| bus.drive_mut(station));
         drives.next().expect("a drive of this bus").trip(clock::now(), cause);
@@ -288,13 +319,13 @@ impl Player {
     fn pass_on(&mut self, now: MonoTime) {
         while let Some((character, hearers)) = self.wire.take(now) {
             self.seen.lock().unwrap().record.add(&character);
-            if let End::Port { echoes: true, heard, .. } = &mut self.ends[character.from] {
+            if let End::Port { echoes: true, is_deaf: false, heard, .. } = &mut self.ends[character.from] {
                 heard.push(character.heard);
             }
             for hearer in hearers {
                 match &mut self.ends[hearer] {
-                    End::Port { pty, heard, .. } if pty.is_some() => heard.push(character.heard),
-                    End::Port { .. } => {}
+                    End::Port { pty, heard, is_deaf: false, .. } if pty.is_some() => heard.push(character.heard),
+                    End::Port { .. } | End::Babbler => {}
                     End::Drives(bus) => {
                         bus.receive(character.end, &[character.heard]);
                         let mut reply = Vec::new();
@@ -338,7 +369,7 @@ impl Player {
     fn wait(&self, timer: &mut RawTimer) {
         let ports = self.ends.iter().filter_map(|end| match end {
             End::Port { pty, .. } => pty.as_ref().map(|pty| pty.master().as_fd()),
-            End::Drives(_) => None,
+            End::Drives(_) | End::Babbler => None,
         });
         let others = [timer.as_fd(), self.bell.as_fd()];
         let mut fds: Vec<_> =

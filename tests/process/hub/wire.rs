@@ -66,6 +66,13 @@ impl Wire {
         }
     }
 
+    /// `end` begins to speak at `at`, for `time` and without order.
+    pub fn babble(&mut self, at: MonoTime, end: usize, time: Duration) {
+        let count = time.as_nanos() / self.character.as_nanos().max(1);
+        let bytes: Vec<u8> = (0..count).map(|_| self.random.u8(..)).collect();
+        self.put(at, end, &bytes);
+    }
+
     /// What `end` has not sent yet is lost.
     pub fn silence(&mut self, end: usize) {
         self.ends[end].waiting.clear();

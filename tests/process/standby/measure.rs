@@ -11,7 +11,7 @@ use std::time::Duration;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::time::MonoTime;
 
-const BAUDS: [u32; 2] = [9_600, 38_400];
+pub const BAUDS: [u32; 2] = [9_600, 38_400];
 
 /// How a gateway is lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,7 +112,7 @@ fn print_times(rows: &[Found]) {
 }
 
 /// p50, p99 and the longest in seconds, and what they are to be at most.
-fn column(times: &[Duration], bound: Duration) -> String {
+pub fn column(times: &[Duration], bound: Duration) -> String {
     let mut times = times.to_vec();
     times.sort();
     let at =
@@ -226,11 +226,11 @@ fn stall_again_and_again(bus: usize, rounds: usize) {
     println!("bus {bus}: {rounds} stalls of the active one, {changes} changes, never two masters");
 }
 
-fn rounds() -> usize {
+pub fn rounds() -> usize {
     std::env::var("ROUNDS").map_or(20, |text| text.parse().expect("ROUNDS is a number"))
 }
 
-fn buses() -> usize {
+pub fn buses() -> usize {
     std::env::var("BUSES").map_or(2, |text| text.parse().expect("BUSES is a number"))
 }
 

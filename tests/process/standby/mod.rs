@@ -7,6 +7,7 @@ mod handing_over;
 mod measure;
 mod page;
 mod pair;
+mod trouble;
 mod virtual_address;
 mod watching;
 

@@ -18,6 +18,7 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 /// The ends of the bus.
 pub const A: usize = 0;
 pub const B: usize = 2;
+pub const BABBLER: usize = 4;
 /// The run command of the drives, the value that stops, and the uniform registers. Typed from the documents.
 pub const STOP: (u16, u16) = (0x0002, 0);
 pub const RUN_COMMAND: u16 = 256;
@@ -99,8 +100,8 @@ impl Pair {
         let place = Place::new();
         let port = |name: &str| if echoes { At::Echoing(place.file(name)) } else { At::Port(place.file(name)) };
         let drives = At::Drives(if wish.drives_are_off { &[] } else { &[1, 2] });
-        // At the last end a test may speak itself.
-        let ends = vec![port("line-a"), drives, port("line-b"), At::Port(place.file("foreign"))];
+        // At the fourth end a test may speak itself.
+        let ends = vec![port("line-a"), drives, port("line-b"), At::Port(place.file("foreign")), At::Babbler];
         let hub = Hub::holding_back(wish.hold_back, baud, ends);
         let echo = if echoes { "echo = \"strip\"\n" } else { "" };
         let halves = [(A, "a", "b", 0), (B, "b", "a", 1)].map(|(end, name, partner, rank)| {
@@ -163,6 +164,11 @@ impl Pair {
         vfd_gateway::daemon::host::clock::now()
     }
 
+    /// Starts a half without waiting for its line.
+    pub fn start_at_once(&mut self, end: usize) {
+        self.half_mut(end).start();
+    }
+
     pub fn program(&self, end: usize) -> &Started {
         self.half(end).program.as_ref().expect("it was started")
     }
@@ -194,6 +200,17 @@ impl Pair {
     pub fn wait_for_stop(&self, end: usize, seen: usize) -> Frame {
         until("the drive is stopped", PATIENCE, || {
             self.hub.frames(seen).into_iter().find(|frame| frame.from == end && frame.written(1) == Some(STOP))
+        })
+    }
+
+    /// Waits for a frame from either half that stops the drive at station 1 and is heard, behind the first `seen` frames;
+    /// `None` if there is none for a long time.
+    pub fn stop_by_any(&self, seen: usize) -> Option<Frame> {
+        let is_stop = |frame: &Frame| (frame.from == A || frame.from == B) && frame.written(1) == Some(STOP);
+        let mut looks = 0..PATIENCE.as_millis() / 20;
+        looks.find_map(|_| {
+            std::thread::sleep(Duration::from_millis(20));
+            self.hub.frames(seen).into_iter().find(is_stop)
         })
     }
 
