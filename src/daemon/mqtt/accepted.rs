@@ -15,9 +15,20 @@ pub struct Link {
     pub terms: Terms,
     /// Larger publications go one at a time, and are acknowledged.
     pub alone_above: Option<usize>,
+    /// Subscriptions that the broker has not answered, and its answer to those before them.
+    unanswered: usize,
+    granted: Vec<bool>,
 }
 
+/// Bytes of the filters in one subscription, at most, unless one alone has more: a broker that limits packets takes that.
+const FILTERS_BYTES_MAX: usize = 400;
+
 impl Link {
+    /// A connection that was accepted on these terms.
+    pub fn new(sender: Sender, since: Instant, terms: Terms, alone_above: Option<usize>) -> Self {
+        Self { since, sender, window: Window::default(), terms, alone_above, unanswered: 0, granted: Vec::new() }
+    }
+
     /// Whether another packet may be queued.
     pub fn has_room(&self) -> bool {
         let waits = self.alone_above.is_some_and(|most| self.window.largest_given_bytes() > most);
@@ -56,12 +67,31 @@ impl Link {
         Ok(true)
     }
 
+    /// Queues a subscription of all `filters`, in as many packets as a small limit of the broker needs.
     pub fn subscribe(&mut self, filters: Vec<Filter>) {
-        if self.sender.subscribe(filters).is_ok() {
+        (self.unanswered, self.granted) = (0, Vec::new());
+        let mut rest = filters.into_iter().peekable();
+        while rest.peek().is_some() {
+            let mut bytes = 0;
+            let mut part = Vec::new();
+            while let Some(filter) = rest.next_if(|it| part.is_empty() || bytes + it.path.len() <= FILTERS_BYTES_MAX) {
+                bytes += filter.path.len();
+                part.push(filter);
+            }
+            if self.sender.subscribe(part).is_err() {
+                tracing::error!("subscription has an invalid filter; dropped");
+                return;
+            }
+            self.unanswered += 1;
             self.window.queue_other();
-        } else {
-            tracing::error!("subscription has an invalid filter; dropped");
         }
+    }
+
+    /// The broker has answered a part of the subscription. Returns the answer to all of it, once that is complete.
+    pub fn subscribed(&mut self, granted: Vec<bool>) -> Option<Vec<bool>> {
+        self.granted.extend(granted);
+        self.unanswered = self.unanswered.saturating_sub(1);
+        (self.unanswered == 0).then(|| std::mem::take(&mut self.granted))
     }
 
     pub fn disconnect(&mut self) {

@@ -16,7 +16,6 @@ use super::link::{self, Events};
 use super::packet_limit::PacketLimit;
 use super::retry::Retry;
 use super::settings::ConnectionSettings;
-use super::window::Window;
 use super::{Packet, Protocol, tls};
 use crate::daemon::host::clock;
 use crate::daemon::service::stall::{LOOK_EVERY, Turns};
@@ -177,9 +176,9 @@ impl<T: Protocol> Client<'_, T> {
             if let Incident::Connected(terms) = &mut incident {
                 self.limit.apply(terms);
                 patience = self.patience(terms);
-                let (terms, since, window) = (*terms, Instant::now(), Window::default());
+                let since = Instant::now();
                 let alone_above = self.limit.alone_above();
-                self.link = sender.take().map(|sender| Link { since, sender, window, terms, alone_above });
+                self.link = sender.take().map(|sender| Link::new(sender, since, *terms, alone_above));
             }
             self.take(incident);
             self.settle();
@@ -300,7 +299,11 @@ impl<T: Protocol> Client<'_, T> {
                 tracing::info!(client_id, host, port, "connected to the broker");
                 self.tell(Event::Connected(terms.broker));
             }
-            Incident::Subscribed(granted) => self.tell(Event::Subscribed(granted)),
+            Incident::Subscribed(granted) => {
+                if let Some(granted) = self.link.as_mut().and_then(|link| link.subscribed(granted)) {
+                    self.tell(Event::Subscribed(granted));
+                }
+            }
             Incident::Message(message) => self.receive(&message),
             Incident::Acknowledged(identifier) => {
                 let settled = window.map(|window| window.settle(identifier)).unwrap_or_default();

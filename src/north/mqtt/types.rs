@@ -102,7 +102,7 @@ impl Tree {
 /// An act for the owner of the session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Act {
-    /// Subscribe to these filters at quality of service 1, all in one packet.
+    /// Subscribe to these filters at quality of service 1; they are answered together.
     Subscribe(Vec<Filter>),
     /// Publish.
     Publish(Publication),

@@ -101,3 +101,28 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
     assert_eq!(told[1], Outcome::Refused(0, Refusal::Full));
     assert_eq!(acknowledged(&told), (1..20).collect::<Vec<_>>());
 }
+
+#[tokio::test]
+async fn a_long_subscription_goes_in_pieces_that_a_small_limit_takes_and_is_answered_as_one() {
+    for version in VERSIONS {
+        let paths: Vec<_> = (0..30).map(|number| format!("site/building/gateway/drive/+/{number}/set")).collect();
+        let filters = filters(&paths.iter().map(String::as_str).collect::<Vec<_>>());
+        let stub = Stub::new(version).await;
+        let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
+        let told = rig.run(&stub, version, async {
+            let mut peer = stub.welcome().await;
+            let mut answered = 0;
+            while answered < paths.len() {
+                let subscribe = peer.expect(SUBSCRIBE).await;
+                assert!(subscribe.body.len() < 500, "{}", subscribe.body.len());
+                let here = subscribe.body.windows(4).filter(|at| at == b"/set").count();
+                let codes: Vec<_> = (answered..answered + here).map(|at| if at == 7 { 0x80 } else { 1 }).collect();
+                peer.answer_subscribe(&subscribe, &codes).await;
+                answered += here;
+            }
+            rig.told_at_least(2).await
+        });
+        let expected = (0..paths.len()).map(|at| at != 7).collect();
+        assert_eq!(told.await[1..], [Outcome::Subscribed(expected)], "{version:?}");
+    }
+}
