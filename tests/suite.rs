@@ -127,6 +127,8 @@ mod preconditions;
 mod ram_forms;
 #[path = "scenarios/refresh.rs"]
 mod refresh;
+#[path = "scenarios/refused_registers.rs"]
+mod refused_registers;
 #[path = "scenarios/release_and_setup.rs"]
 mod release_and_setup;
 #[path = "scenarios/resets.rs"]
@@ -167,8 +169,12 @@ mod trials;
 mod trips;
 #[path = "scenarios/unanswered_writes.rs"]
 mod unanswered_writes;
+#[path = "scenarios/undocumented_states.rs"]
+mod undocumented_states;
 #[path = "scenarios/unproven.rs"]
 mod unproven;
+#[path = "scenarios/untrue_readings.rs"]
+mod untrue_readings;
 #[path = "scenarios/usage.rs"]
 mod usage;
 #[path = "scenarios/walk.rs"]
@@ -183,5 +189,7 @@ mod watching;
 mod without_06;
 #[path = "scenarios/written_zero.rs"]
 mod written_zero;
+#[path = "scenarios/wrong_replies.rs"]
+mod wrong_replies;
 #[path = "scenarios/zero_words.rs"]
 mod zero_words;

@@ -55,7 +55,10 @@ pub fn health(args: &Args) -> Result<(), Failure> {
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
     match &never_read(&health)[..] {
         _ if health["ready"] != true => Err(failed("not ready".to_owned())),
-        [] => Ok(()),
+        [] => match essential_refused(&health) {
+            Some(refused) => Err(failed(refused)),
+            None => Ok(()),
+        },
         drives => Err(failed(format!("nothing was ever read of {}", drives.join(", ")))),
     }
 }
@@ -154,6 +157,17 @@ fn active(health: &Value) -> Result<String, String> {
     }
 }
 
+/// The first register that a drive refuses to show although its run state or its trips are read there.
+fn essential_refused(health: &Value) -> Option<String> {
+    let drives = health["drives"].as_array()?;
+    drives.iter().find_map(|drive| {
+        let refused = drive["refused"].as_array()?.iter().find(|it| it["essential"] == true)?;
+        let name = refused["name"].as_str().or(refused["register"].as_str()).unwrap_or("?");
+        let code = refused["code"].as_u64().unwrap_or(0);
+        Some(format!("drive {} refuses to show {name} (exception {code:02X})", drive["name"].as_str().unwrap_or("?")))
+    })
+}
+
 /// `seconds` in the two largest units of days, hours, minutes and seconds.
 fn span(seconds: u64) -> String {
     match seconds {
@@ -231,10 +245,23 @@ fn report(health: &Value) -> String {
         let watchdog = watchdog.unwrap_or_default();
         let warning = drive["warning"].as_str();
         let warning = warning.map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:"))).unwrap_or_default();
+        let refused: Vec<_> = drive["refused"].as_array().into_iter().flatten().collect();
+        let refused: Vec<_> = refused.iter().filter_map(|it| it["name"].as_str().or(it["register"].as_str())).collect();
+        let refused = if refused.is_empty() {
+            String::new()
+        } else {
+            format!(", {} {}", toned(Tone::Problem, "refuses to show"), refused.join(", "))
+        };
+        let state = drive["undocumented_state"].as_str();
+        let state =
+            state.map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:"))).unwrap_or_default();
         let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         let site =
             if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
-        let _ = writeln!(text, "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{warning}{site}");
+        let _ = writeln!(
+            text,
+            "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{warning}{state}{refused}{site}"
+        );
     }
     if let Some(connected) = health["mqtt"]["connected"].as_bool() {
         let rival = if health["mqtt"]["contested"] == true {
@@ -355,6 +382,16 @@ mod tests {
         assert_eq!(unseen_row(&drive(Value::Null)), "drive pump-1 MAY STILL RUN; go to the drive\n");
         let report = report(&serde_json::json!({ "drives": [{ "name": "fan-2" }, drive(Value::Null)] }));
         assert!(report.find("MAY STILL RUN") < report.find("drive fan-2"), "{report}");
+    }
+
+    #[test]
+    fn a_drive_that_does_not_show_its_run_state_is_not_in_order() {
+        let register = |essential: bool| serde_json::json!({ "name": "output", "register": "0x3001", "code": 2, "essential": essential });
+        let health = |essential| serde_json::json!({ "drives": [{ "name": "a", "refused": [register(essential)] }] });
+        assert_eq!(essential_refused(&health(false)), None);
+        let told = "drive a refuses to show output (exception 02)";
+        assert_eq!(essential_refused(&health(true)).as_deref(), Some(told));
+        assert!(report(&health(false)).contains("refuses to show output"), "{}", report(&health(false)));
     }
 
     #[test]

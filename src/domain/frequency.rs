@@ -2,6 +2,10 @@
 
 use std::fmt;
 
+/// How far a number may be from a step and still be that step: programs count in binary fractions, and a sum of tenths is a
+/// little beside them. A millionth of 0.01 Hz, the finest step of any drive.
+const NOISE_HZ: f64 = 1e-8;
+
 /// A frequency in thousandths of a hertz, 0 to 4,294,967.295 Hz. No drive has steps finer than hundredths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Hertz {
@@ -50,30 +54,35 @@ impl Hertz {
         if self.milli.is_multiple_of(10) { u16::try_from(self.milli / 10).ok() } else { None }
     }
 
-    /// The frequency whose decimal text is nearest to `hertz`.
+    /// The frequency that `hertz` is, but for the noise of binary fractions.
     ///
     /// # Errors
-    /// [`NoFrequency`] if the value is not exactly representable: it is neither rounded nor clamped.
+    /// [`NoFrequency`] if the value lies between thousandths: it is neither rounded nor clamped.
     pub fn from_f64(hertz: f64) -> Result<Self, NoFrequency> {
         if !hertz.is_finite() {
             return Err(NoFrequency::NotANumber);
         }
         let milli = (hertz * 1000.0).round();
-        if !(0.0..=f64::from(u32::MAX)).contains(&milli) || hertz.is_sign_negative() && hertz != 0.0 {
+        if !(0.0..=f64::from(u32::MAX)).contains(&milli) || hertz < -NOISE_HZ {
             return Err(NoFrequency::OutOfRange);
         }
         let frequency = Self { milli: milli as u32 };
-        if frequency.as_f64() == hertz { Ok(frequency) } else { Err(NoFrequency::TooFine) }
+        if (frequency.as_f64() - hertz).abs() <= NOISE_HZ { Ok(frequency) } else { Err(NoFrequency::TooFine) }
     }
 
     /// Parses a frequency in decimal, such as `42.5`.
     ///
     /// # Errors
-    /// [`NoFrequency`]. A comma, a unit or an exponent is not accepted.
+    /// [`NoFrequency`]. A comma, a unit or an exponent is not accepted, except one below zero, as programs write what a sum
+    /// has left of 0.
     pub fn parse(text: &str) -> Result<Self, NoFrequency> {
-        let is_plain = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
-        let value: f64 = text.parse().ok().filter(|_| is_plain).ok_or(NoFrequency::NotANumber)?;
-        Self::from_f64(value)
+        Self::from_f64(decimal(text).ok_or(NoFrequency::NotANumber)?)
+    }
+
+    /// Twice as much.
+    #[must_use]
+    pub const fn doubled(self) -> Self {
+        Self { milli: self.milli.saturating_mul(2) }
     }
 
     /// In hertz, as the nearest binary number.
@@ -104,6 +113,15 @@ impl Hertz {
     }
 }
 
+/// The number that `text` is in decimal; an exponent is accepted only below zero, as in `2.8e-17`.
+#[must_use]
+pub fn decimal(text: &str) -> Option<f64> {
+    let (number, exponent) = text.split_once(['e', 'E']).map_or((text, None), |(number, rest)| (number, Some(rest)));
+    let is_plain = number.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
+    let is_small = exponent.is_none_or(|exponent| exponent.starts_with('-'));
+    text.parse().ok().filter(|_| is_plain && is_small)
+}
+
 impl fmt::Display for Hertz {
     /// In hertz with two decimals, three where they are needed.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -125,6 +143,28 @@ mod tests {
         assert_eq!(Hertz::parse("-1"), Err(NoFrequency::OutOfRange));
         for no_number in ["", "4,5", "NaN", "inf", "1e3", "50 Hz", "0x10", "--1"] {
             assert_eq!(Hertz::parse(no_number), Err(NoFrequency::NotANumber), "{no_number}");
+        }
+    }
+
+    #[test]
+    fn the_noise_of_a_ramp_is_no_step() {
+        assert_eq!(Hertz::parse("30.000000000000004"), Ok(Hertz::from_millihertz(30_000)));
+        assert_eq!(Hertz::parse("2.7755575615628914e-17"), Ok(Hertz::ZERO));
+        assert_eq!(Hertz::from_f64(-2.8e-17), Ok(Hertz::ZERO));
+        assert_eq!(Hertz::parse("30.0000001"), Err(NoFrequency::TooFine));
+        assert_eq!(Hertz::from_f64(-0.000_001), Err(NoFrequency::OutOfRange));
+        for (step, step_milli, steps) in [(0.1, 100, 4_000), (0.01, 10, 40_000), (0.001, 1, 40_000)] {
+            let mut up = 0.0;
+            let mut down = f64::from(steps) * step;
+            for count in 0..=steps {
+                let expected = Hertz::from_millihertz(count * step_milli);
+                assert_eq!(Hertz::from_f64(up), Ok(expected), "{up}");
+                assert_eq!(Hertz::parse(&up.to_string()), Ok(expected), "{up}");
+                let left = Hertz::from_millihertz((steps - count) * step_milli);
+                assert_eq!(Hertz::from_f64(down), Ok(left), "{down}");
+                up += step;
+                down -= step;
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! What is probably wrong with a line, judging by the pattern of received data, and what to do about it.
 
 use super::ids::Station;
+use super::traffic::HeardFrame;
 
 /// One suspicion. `Display` gives a text for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
@@ -32,6 +33,28 @@ pub enum Suspicion {
     /// One drive is silent while others answer.
     #[error("station {} has never answered while others do: check its station number, speed, parity and power", .0.0)]
     OneSilent(Station),
+    /// A drive behind a Modbus TCP server is silent while others answer.
+    #[error("unit {} has never answered while others do: check its unit number at the server, and its power", .0.0)]
+    OneUnitSilent(Station),
+    /// A server sends bytes that are no Modbus TCP frames.
+    #[error(
+        "the server sends bytes that are no Modbus TCP frames: check that it is a Modbus TCP server and not a device server \
+         in raw mode"
+    )]
+    NotModbusTcp,
+    /// Sound frames that do not answer the requests, one for each.
+    #[error(
+        "station {} answers requests with sound frames of the wrong form, one for each: {reply} to {request}; check that the \
+         model is the right one, and what is between (wrong_replies)", .station.0
+    )]
+    WrongReplies {
+        /// Who answers so.
+        station: Station,
+        /// A request.
+        request: HeardFrame,
+        /// What came instead of its reply.
+        reply: HeardFrame,
+    },
     /// More replies than requests.
     #[error(
         "more answers from station {} than requests to it: two drives probably have this number; its trips are ignored \
@@ -60,9 +83,11 @@ impl Suspicion {
     #[must_use]
     pub const fn station(self) -> Option<Station> {
         match self {
-            Self::OneSilent(station) | Self::DuplicateStation(station) | Self::LateBeyondLimit(station) => {
-                Some(station)
-            }
+            Self::WrongReplies { station, .. }
+            | Self::OneSilent(station)
+            | Self::OneUnitSilent(station)
+            | Self::DuplicateStation(station)
+            | Self::LateBeyondLimit(station) => Some(station),
             _ => None,
         }
     }
@@ -77,6 +102,9 @@ impl Suspicion {
             Self::DrivesAreSlower => "drives_are_slower",
             Self::AlwaysDamaged => "always_damaged",
             Self::OneSilent(_) => "one_silent",
+            Self::OneUnitSilent(_) => "one_unit_silent",
+            Self::NotModbusTcp => "not_modbus_tcp",
+            Self::WrongReplies { .. } => "wrong_replies",
             Self::DuplicateStation(_) => "duplicate_station",
             Self::LateBeyondLimit(_) => "late_beyond_limit",
             Self::OtherMaster => "other_master",

@@ -2,6 +2,7 @@
 
 use super::ids::Station;
 use super::time::MonoTime;
+use std::fmt;
 
 /// One event on the wire of a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,5 +98,33 @@ impl TrafficKind {
             Self::OtherMaster(_) => "other_master",
             Self::Noise => "noise",
         }
+    }
+}
+
+/// The beginning of a frame that was heard, for messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct HeardFrame {
+    bytes: [u8; 16],
+    len: usize,
+}
+
+impl HeardFrame {
+    /// The first bytes of `frame`.
+    #[must_use]
+    pub fn of(frame: &[u8]) -> Self {
+        let mut bytes = [0; 16];
+        let len = frame.len();
+        bytes.iter_mut().zip(frame).for_each(|(to, from)| *to = *from);
+        Self { bytes, len }
+    }
+}
+
+impl fmt::Display for HeardFrame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, byte) in self.bytes.iter().take(self.len).enumerate() {
+            let space = if at > 0 { " " } else { "" };
+            write!(f, "{space}{byte:02X}")?;
+        }
+        if self.len > self.bytes.len() { write!(f, " ... ({} bytes)", self.len) } else { Ok(()) }
     }
 }

@@ -4,6 +4,7 @@
 pub mod bases;
 pub mod decode;
 pub mod description;
+pub mod doubt;
 pub mod output;
 pub mod plan;
 pub mod plausible;

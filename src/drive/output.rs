@@ -8,23 +8,36 @@ use crate::profile::model::{FactPart, Model, Register, Role};
 /// Steps per hertz in which an output of two words is watched.
 const PAIR_SCALE: u32 = 100;
 
+/// What a drive is believed to reach whose model states no range: spindle drives come to this.
+const RANGE_UNSTATED: Hertz = Hertz::from_millihertz(1_000_000);
+
 /// The register of the output frequency.
 #[derive(Clone, Debug)]
 pub struct OutputRegister {
     register: Register,
+    range: Hertz,
 }
 
 impl OutputRegister {
     /// That of `model`, if it has one.
     #[must_use]
     pub fn of(model: &Model) -> Option<Self> {
-        model.register_for(Role::OutputFrequency).cloned().map(|register| Self { register })
+        let command = model.register_for(Role::FrequencyCommand).filter(|it| it.is_exact());
+        let range = command.and_then(|it| it.magnitude((*it.range.as_ref()?.end()).into(), |_| None));
+        let range = range.unwrap_or(RANGE_UNSTATED);
+        model.register_for(Role::OutputFrequency).cloned().map(|register| Self { register, range })
     }
 
     /// Where it is.
     #[must_use]
     pub const fn address(&self) -> Address {
         self.register.address
+    }
+
+    /// The highest frequency that the drive can be set to, as far as its model states it.
+    #[must_use]
+    pub const fn range(&self) -> Hertz {
+        self.range
     }
 
     /// The magnitude that `words`, read from `first` on, show; 0 only for 0. `None` if they do not cover it.

@@ -18,6 +18,7 @@ pub use refresh::{Read, full_refresh, shortest_refresh};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, PollClass};
+use crate::wire::exception;
 use groups::{apart, may_be_read_along};
 use std::cmp::Reverse;
 use std::time::Duration;
@@ -58,6 +59,19 @@ struct Entry {
     is_trusted: bool,
     was_sent: bool,
     vain: Vain,
+    /// It is part of a block that was refused, and is asked by itself until the drive has answered for it.
+    is_apart: bool,
+    /// The code with which the drive refuses its only register: it is rarely polled.
+    refused: Option<u8>,
+}
+
+/// A register that the drive refuses to show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RefusedRegister {
+    /// Where it is.
+    pub address: Address,
+    /// The exception code of the refusal.
+    pub code: u8,
 }
 
 /// Whether registers between two groups are read along.
@@ -81,6 +95,8 @@ pub struct PollPlan {
     /// Answers of the drive so far, to any request.
     answers: u64,
     bridges: Bridges,
+    /// The newest poll.
+    last: Option<(Address, u16)>,
     entries: Vec<Entry>,
 }
 
@@ -99,9 +115,11 @@ impl PollPlan {
             is_trusted,
             was_sent: false,
             vain: Vain::default(),
+            is_apart: false,
+            refused: None,
         };
         let entries = groups.into_iter().zip(moments).map(entry).collect();
-        Self { pace, answers: 1, bridges: Bridges::default(), entries }
+        Self { pace, answers: 1, bridges: Bridges::default(), last: None, entries }
     }
 
     /// The port was opened at `now`. Groups never read and fast groups are due at once; all others wait for their
@@ -116,6 +134,14 @@ impl PollPlan {
                 entry.next_regular(pace, now);
             }
         }
+        self.ask_refused(now);
+    }
+
+    /// What was refused is asked again: the drive may be another one, or set in another way.
+    fn ask_refused(&mut self, now: MonoTime) {
+        for entry in self.entries.iter_mut().filter(|entry| entry.refused.is_some()) {
+            entry.due = entry.due.min(now);
+        }
     }
 
     /// The drive answered a request well; where it was a read of ours, it covered `count` words from `address` on.
@@ -125,7 +151,15 @@ impl PollPlan {
         for entry in within(&mut self.entries, address, count) {
             entry.is_trusted = true;
             entry.vain = Vain::default();
+            entry.is_apart = false;
+            entry.refused = None;
         }
+    }
+
+    /// The registers that the drive refuses to show.
+    pub fn refused_registers(&self) -> impl Iterator<Item = RefusedRegister> + '_ {
+        let refused = |entry: &Entry| Some(RefusedRegister { address: entry.group.address, code: entry.refused? });
+        self.entries.iter().filter_map(refused)
     }
 
     /// A read that was none of the polls brought `count` words from `address` on, the last byte of them at `at`: the groups
@@ -140,13 +174,55 @@ impl PollPlan {
         read.collect()
     }
 
-    /// The drive answered a read of `count` words from `address` on with an exception.
-    pub fn refused(&mut self, address: Address, count: u16, now: MonoTime) {
+    /// The drive answered a read of `count` words from `address` on with exception `code`. If it refuses one of the
+    /// registers of a poll, the parts of that are asked. Returns a register that is left out from now on.
+    pub fn refused(
+        &mut self,
+        (address, count): (Address, u16),
+        code: u8,
+        model: &Model,
+        now: MonoTime,
+    ) -> Option<RefusedRegister> {
         if self.bridges.last == Some((address, count)) {
             self.read_apart(now);
-        } else {
-            self.was_in_vain(address, count, now);
+            return None;
         }
+        let names_registers = matches!(code, exception::ILLEGAL_DATA_ADDRESS | exception::ILLEGAL_DATA_VALUE);
+        if !names_registers || self.last != Some((address, count)) {
+            self.was_in_vain(address, count, now);
+            return None;
+        }
+        let first = self.entries.iter().position(|entry| holds((address, count), entry.group))?;
+        if self.entries.iter().filter(|entry| holds((address, count), entry.group)).count() == 1 {
+            return self.part_refused(first, code, model, now);
+        }
+        for entry in within(&mut self.entries, address, count) {
+            entry.is_apart = true;
+            entry.due = now;
+        }
+        None
+    }
+
+    /// The drive refused the entry at `index` alone: its halves are asked, or its only register is left out. It is then
+    /// refused in earnest: once may be chance.
+    fn part_refused(&mut self, index: usize, code: u8, model: &Model, now: MonoTime) -> Option<RefusedRegister> {
+        let answers = self.answers;
+        let entry = self.entries.get_mut(index)?;
+        if let Some((low, high)) = entry.group.halves(model) {
+            let part = |group| Entry { group, due: now, is_apart: true, vain: Vain::default(), ..*entry };
+            let (low, high) = (part(low), part(high));
+            *entry = low;
+            self.entries.insert(index + 1, high);
+            return None;
+        }
+        entry.is_apart = true;
+        if !entry.vain.again(answers) {
+            return None;
+        }
+        entry.regular = now + SELDOM;
+        entry.due = entry.regular;
+        let is_new = entry.refused.replace(code).is_none();
+        is_new.then_some(RefusedRegister { address: entry.group.address, code })
     }
 
     /// The drive was silent on a read of `count` words from `address` on.
@@ -182,12 +258,12 @@ impl PollPlan {
         for entry in self.entries.iter_mut().filter(|entry| entry.group.class == PollClass::Minutely) {
             entry.due = entry.due.min(now);
         }
+        self.ask_refused(now);
     }
 
     /// The register at `address` is due at once.
     pub fn ask_for(&mut self, address: Address, now: MonoTime) {
-        let holds = |group: PollGroup| address.offset_from(group.address).is_some_and(|offset| offset < group.count);
-        for entry in self.entries.iter_mut().filter(|entry| holds(entry.group)) {
+        for entry in self.entries.iter_mut().filter(|entry| covers(entry.group, address)) {
             entry.due = entry.due.min(now);
         }
     }
@@ -223,16 +299,20 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(Address, u16) -> bool,
     ) -> Option<(Address, u16)> {
-        let Entry { group: mut all, is_trusted, .. } = *self.entries.get(index)?;
+        let Entry { group: mut all, is_trusted, is_apart, .. } = *self.entries.get(index)?;
         self.sent(index, now);
         let mut has_holes = false;
-        while is_trusted && let Some((neighbour, longer, hole)) = self.due_neighbour(&all, now, model, &may_go) {
+        while is_trusted
+            && !is_apart
+            && let Some((neighbour, longer, hole)) = self.due_neighbour(&all, now, model, &may_go)
+        {
             all = longer;
             has_holes |= hole > 0;
             self.sent(neighbour, now);
         }
         let read = (all.address, all.count);
         self.bridges.last = has_holes.then_some(read);
+        self.last = Some(read);
         Some(read)
     }
 
@@ -244,13 +324,16 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(Address, u16) -> bool,
     ) -> Option<(usize, PollGroup, u16)> {
+        let is_apart = |address| self.entries.iter().any(|it| it.is_apart && covers(it.group, address));
         let joined = |entry: &Entry| {
             let (address, count, hole) = all.with(&entry.group, model)?;
+            let mut between = all.between(&entry.group);
             let may_bridge =
-                !self.bridges.are_refused && all.between(&entry.group).all(|it| may_be_read_along(model, it));
+                !self.bridges.are_refused && between.all(|it| may_be_read_along(model, it) && !is_apart(it));
             ((hole == 0 || may_bridge) && may_go(address, count)).then_some((address, count, hole))
         };
-        let due = self.entries.iter().enumerate().filter(|(_, entry)| entry.is_trusted && entry.due <= now);
+        let may_join = |entry: &Entry| entry.is_trusted && !entry.is_apart && entry.due <= now;
+        let due = self.entries.iter().enumerate().filter(|(_, entry)| may_join(entry));
         let fitting = due.filter_map(|(index, entry)| {
             let (address, count, hole) = joined(entry)?;
             Some((index, PollGroup { address, count, ..*all }, hole))
@@ -283,10 +366,16 @@ impl Entry {
 
 /// The entries that lie within `count` words from `address` on.
 fn within(entries: &mut [Entry], address: Address, count: u16) -> impl Iterator<Item = &mut Entry> {
-    entries.iter_mut().filter(move |Entry { group, .. }| {
-        group
-            .address
-            .offset_from(address)
-            .is_some_and(|offset| u32::from(offset) + u32::from(group.count) <= u32::from(count))
-    })
+    entries.iter_mut().filter(move |entry| holds((address, count), entry.group))
+}
+
+/// Whether `group` lies within a read.
+fn holds((address, count): (Address, u16), group: PollGroup) -> bool {
+    let offset = group.address.offset_from(address);
+    offset.is_some_and(|offset| u32::from(offset) + u32::from(group.count) <= u32::from(count))
+}
+
+/// Whether the register at `address` is in `group`.
+fn covers(group: PollGroup, address: Address) -> bool {
+    address.offset_from(group.address).is_some_and(|offset| offset < group.count)
 }

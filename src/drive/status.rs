@@ -5,10 +5,26 @@ use super::view::StatusView;
 use crate::domain::address::Address;
 use crate::profile::model::{Flag, Model, StatusFlag};
 
+/// Most such words that are told of one drive: a register that holds anything is no status.
+const UNDOCUMENTED_MAX: usize = 16;
+
+/// A word of a status register that no document names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UndocumentedState {
+    /// The register.
+    pub address: Address,
+    /// What it holds.
+    pub word: u16,
+}
+
 /// The flags of one drive as last read.
 #[derive(Clone, Debug, Default)]
 pub struct StatusWatch {
     flags: Vec<(StatusFlag, Option<bool>)>,
+    /// The last word read that no document names, as long as its register holds one.
+    undocumented: Option<UndocumentedState>,
+    /// Those that were told.
+    told: Vec<UndocumentedState>,
     /// The output whose sign is the direction, and whether it shows reverse; only without a flag for that.
     sign: Option<(OutputRegister, Option<bool>)>,
 }
@@ -19,11 +35,11 @@ impl StatusWatch {
     pub fn new(model: &Model) -> Self {
         let output = OutputRegister::of(model).filter(|_| model.status_flag(Flag::Reverse).is_none());
         let sign = output.map(|output| (output, None));
-        Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect(), sign }
+        Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect(), sign, ..Self::default() }
     }
 
     /// Takes the words that a read from `address` on has brought. Returns whether they show the motor ordered to run;
-    /// nothing if they do not tell.
+    /// nothing if they do not tell. A word that no document names tells nothing: what it was before is not known any more.
     pub fn take(&mut self, address: Address, words: &[u16]) -> Option<bool> {
         if let Some((output, sign)) = &mut self.sign
             && let Some(seen) = output.is_reverse(address, words)
@@ -31,18 +47,42 @@ impl StatusWatch {
             *sign = seen;
         }
         let mut running = None;
+        let mut undocumented = None;
         for (flag, value) in &mut self.flags {
             if let Some(word) = flag.address.word_in(address, words) {
-                *value = Some(flag.holds(word));
+                *value = flag.reads(word);
                 running = if flag.flag == Flag::Running { *value } else { running };
+                if value.is_none() {
+                    undocumented = Some(UndocumentedState { address: flag.address, word });
+                }
             }
         }
+        let was_read = |known: &UndocumentedState| known.address.word_in(address, words).is_some();
+        if undocumented.is_some() || self.undocumented.as_ref().is_some_and(was_read) {
+            self.undocumented = undocumented;
+        }
         running
+    }
+
+    /// The word that a status register holds and no document names.
+    #[must_use]
+    pub const fn undocumented(&self) -> Option<UndocumentedState> {
+        self.undocumented
+    }
+
+    /// The same, once for each word.
+    pub fn take_undocumented(&mut self) -> Option<UndocumentedState> {
+        let state = self.undocumented.filter(|state| !self.told.contains(state))?;
+        (self.told.len() < UNDOCUMENTED_MAX).then(|| {
+            self.told.push(state);
+            state
+        })
     }
 
     /// Discards everything: the drive is offline.
     pub fn forget(&mut self) {
         self.flags.iter_mut().for_each(|(_, value)| *value = None);
+        self.undocumented = None;
         self.sign.iter_mut().for_each(|(_, value)| *value = None);
     }
 
@@ -67,6 +107,7 @@ impl StatusWatch {
             bus_frequency: self.get(Flag::BusFrequency),
             alarm: self.get(Flag::Alarm),
             ready: self.get(Flag::Ready),
+            undocumented: self.undocumented,
         }
     }
 }

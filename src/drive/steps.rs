@@ -13,7 +13,7 @@ use crate::domain::address::Address;
 use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{CommitWord, Flag, Model, OrderKind};
+use crate::profile::model::{ClearWords, CommitWord, Flag, Model, OrderKind};
 use crate::wire::pdu::{Request, function};
 use setpoint::{check_setting, setpoint, setpoint_and_run, setpoint_of_run};
 use std::time::Duration;
@@ -101,8 +101,8 @@ pub struct Condition {
     pub values: Vec<u16>,
     /// Of a value of two words: the word at the next address, which is read in the same frame.
     pub second: Option<u16>,
-    /// Whether the masked word must be one of them, or must not be.
-    pub is_one: bool,
+    /// The words that meet it instead of these; `None`: the masked word must be one of them.
+    pub instead: Option<ClearWords>,
     /// How long the drive may take to meet it.
     pub within: Duration,
 }
@@ -110,7 +110,7 @@ pub struct Condition {
 impl Condition {
     /// The register holds exactly `value`.
     const fn holds(address: Address, value: Vec<u16>, within: Duration) -> Self {
-        Self { address, mask: u16::MAX, values: value, second: None, is_one: true, within }
+        Self { address, mask: u16::MAX, values: value, second: None, instead: None, within }
     }
 
     /// The model's `flag` is set or not; `None` if it has no such flag.
@@ -121,7 +121,7 @@ impl Condition {
             mask: flag.mask,
             values: flag.values.clone(),
             second: None,
-            is_one: is_set,
+            instead: (!is_set).then(|| flag.clear.clone()),
             within: SHOWN_WITHIN,
         })
     }
@@ -129,7 +129,8 @@ impl Condition {
     /// Whether `word` meets it.
     #[must_use]
     pub fn is_met(&self, word: u16) -> bool {
-        self.values.contains(&(word & self.mask)) == self.is_one
+        let is_one = self.values.contains(&(word & self.mask));
+        self.instead.as_ref().map_or(is_one, |instead| !is_one && instead.names(word))
     }
 
     /// Whether the words that were read from its register on meet it.

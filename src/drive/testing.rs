@@ -3,7 +3,9 @@
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{BlockWrite, Confidence, Fact, Flag, Model, Register, Role, SetupItem, StatusFlag};
+use crate::profile::model::{
+    BlockWrite, ClearWords, Confidence, Fact, Flag, Model, Register, Role, SetupItem, StatusFlag,
+};
 use crate::vendors;
 use std::time::Duration;
 
@@ -47,7 +49,15 @@ pub fn with_status() -> Model {
 
 fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
     let (confidence, source) = (Confidence::Manual, "IM 1".to_owned());
-    StatusFlag { flag, address: 0x2100_u16.into(), mask, values: vec![mask], confidence, source }
+    StatusFlag {
+        flag,
+        address: 0x2100_u16.into(),
+        mask,
+        values: vec![mask],
+        clear: ClearWords::Others,
+        confidence,
+        source,
+    }
 }
 
 /// The first built-in model with its frequency command after its run command, both to be written in one frame.

@@ -1,7 +1,9 @@
 //! The view of one drive for the north interfaces. It is replaced as a whole whenever something changes.
 
+use super::plan::RefusedRegister;
 use super::sight::SightView;
 use super::snapshot::{DriveSnapshot, Presence};
+use super::status::UndocumentedState;
 use super::usage::UsageView;
 use super::watchdog::WatchdogView;
 use crate::domain::address::Address;
@@ -35,6 +37,8 @@ pub struct DriveView {
     pub watchdog: Option<WatchdogView>,
     /// What it has used.
     pub usage: UsageView,
+    /// Registers that it refuses to show, although its model says that it has them.
+    pub refused: Vec<RefusedRegister>,
     /// What was ordered of it, for those who answer reads from memory.
     pub orders: OrdersView,
 }
@@ -67,6 +71,8 @@ pub struct StatusView {
     pub alarm: Option<bool>,
     /// The drive is ready to run.
     pub ready: Option<bool>,
+    /// The word that a status register holds and no document names.
+    pub undocumented: Option<UndocumentedState>,
 }
 
 impl StatusView {

@@ -15,6 +15,7 @@ use crate::domain::link::EchoPolicy;
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineFault, LineState, StopBounds};
 use crate::domain::time::MonoTime;
+use crate::domain::traffic::HeardFrame;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::DriveView;
 use crate::line::barriers::Nonces;
@@ -25,6 +26,7 @@ use crate::line::timing::Timing;
 use crate::line::transaction::Wire;
 use crate::wire::pdu::Request;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The state machine of one line with its drives. It does no I/O and has no clock and no task of its own; the caller
 /// drives it through these methods.
@@ -110,6 +112,8 @@ pub(super) struct Flight {
     pub(super) is_overdue: bool,
     /// An unexplained frame of the station preceded its reply: the apparent reply may be another such frame.
     pub(super) is_spoilt: bool,
+    /// The first frame that came instead of its reply, and how late; without that if it is of no configured station.
+    pub(super) wrong_reply: Option<(HeardFrame, Option<Duration>)>,
     /// Bytes before its reply that form no frame.
     pub(super) noise: usize,
 }

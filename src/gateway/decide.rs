@@ -85,6 +85,7 @@ impl LineCore {
             overdue_at,
             is_overdue: false,
             is_spoilt: false,
+            wrong_reply: None,
             noise: 0,
         });
         self.counters.requests += 1;

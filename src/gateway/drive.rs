@@ -2,6 +2,7 @@
 
 use super::event::Effect;
 use super::measured::DriveMeasured;
+use super::note::Note;
 use super::outbox::Outbox;
 use super::setup::{DriveSetup, LineSetup};
 use super::work::{DriveWork, Rank, Want};
@@ -9,6 +10,7 @@ use crate::domain::address::Address;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
+use crate::drive::doubt::BlankWatch;
 use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
 use crate::drive::plausible::Plausibility;
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -40,6 +42,8 @@ pub(super) struct DriveOnLine {
     /// Its control: stops, commands, trips, the guard.
     pub(super) work: DriveWork,
     pub(super) measured: DriveMeasured,
+    /// Blocks that read as zeros or ones.
+    pub(super) blank: BlankWatch,
     /// Orders and writes taken so far, wrapping.
     orders_taken: u64,
     /// When the last one was taken, or the last write was over.
@@ -63,6 +67,7 @@ impl DriveOnLine {
             plausibility,
             work: work.watched(line.watchdog_range(place)).polled(pace),
             measured: DriveMeasured::planned(budget.fast_age(place)),
+            blank: BlankWatch::default(),
             orders_taken: 0,
             ordered_at: now,
             setup: setup.clone(),
@@ -88,6 +93,7 @@ impl DriveOnLine {
             control: work.control_view(),
             watchdog: work.watchdog().view(),
             usage: work.usage_view(),
+            refused: self.plan.refused_registers().collect(),
             orders: OrdersView {
                 taken: self.orders_taken,
                 settled_at: (!work.has_orders()).then_some(self.ordered_at),
@@ -219,7 +225,7 @@ impl DriveOnLine {
     }
 
     /// Lets the plan learn which registers the drive answers for.
-    pub(super) fn tell_plan(&mut self, now: MonoTime, request: &Request, ending: &Ending) {
+    pub(super) fn tell_plan(&mut self, now: MonoTime, request: &Request, ending: &Ending, effects: &mut Outbox) {
         let (address, count) = match request {
             Request::Read { address, count } => (*address, *count),
             _ => (Address::default(), 0),
@@ -227,7 +233,12 @@ impl DriveOnLine {
         let plan = &mut self.plan;
         match ending {
             Ending::Reply(_) => plan.answered(address, count),
-            Ending::Exception(_) => plan.refused(address, count, now),
+            Ending::Exception(code) => {
+                if let Some(refused) = plan.refused((address, count), *code, &self.setup.model, now) {
+                    effects.push_back(Effect::Note(self.index, Note::RegisterRefused(refused)));
+                    self.work.mark_changed();
+                }
+            }
             Ending::Silent => plan.unanswered(address, count, now),
             Ending::Garbled => {}
         }

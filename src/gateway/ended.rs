@@ -9,7 +9,7 @@ use super::port::waiters_of;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::TrafficKind;
+use crate::domain::traffic::{HeardFrame, TrafficKind};
 use crate::drive::snapshot::Presence;
 use crate::line::exchange::{Ending, Exchange, answers};
 use crate::line::fault::{Fault, consequence};
@@ -32,6 +32,9 @@ impl LineCore {
         let is_jammed = self.health.is_jammed();
         let is_unreachable = self.is_unreachable(flight.drive, &ending);
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
+        if let Some((reply, late)) = flight.wrong_reply {
+            self.came_instead(now, flight.drive, (&exchange.request, reply), late, ending == Ending::Silent);
+        }
         let (ending, kind) = self.judged(&flight, is_spoilt, ending);
         let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
         if !proves_nothing {
@@ -73,7 +76,7 @@ impl LineCore {
         self.drives[drive].was_written(now, &exchange.request, &ending);
         // One that says why tells nothing about the register.
         if !proves_nothing && kind.is_none() {
-            self.drives[drive].tell_plan(now, &exchange.request, &ending);
+            self.drives[drive].tell_plan(now, &exchange.request, &ending, &mut self.effects);
         }
         let doubt = doubt || proves_nothing;
         let fault = if proves_nothing { Some(Fault::Stray) } else { fault };
@@ -230,6 +233,9 @@ impl LineCore {
                 }
                 TrafficKind::Foreign(station) => {
                     self.counters.foreign += 1;
+                    let flight = self.flight.as_mut().filter(|_| station.0 == 0 && !was_answered);
+                    // No station has the number 0: it is what the addressed one says.
+                    flight.into_iter().for_each(|it| it.wrong_reply = Some((HeardFrame::of(&heard.bytes), None)));
                     self.learn_late(now, station, &heard.bytes);
                     self.spoke(now, station, &heard.bytes, was_answered);
                 }
@@ -304,7 +310,8 @@ impl LineCore {
             station.refused_in_doubt(now);
             return;
         }
-        let stray = station.stray(&pdu, now, setup.max_lateness);
+        let waits = flight.as_ref().is_some_and(|flight| flight.wrong_reply.is_none());
+        let stray = station.stray(&pdu, now, setup.max_lateness, waits);
         if consequence(Fault::Stray).drive_is_there {
             station.is_there();
         }
@@ -312,7 +319,32 @@ impl LineCore {
         self.health.damage.stray(index.get(), stray);
         if let Some(flight) = flight.filter(|_| stray != Stray::Explained) {
             flight.is_spoilt = true;
+            if let Stray::WrongForm(late) = stray {
+                flight.wrong_reply = Some((HeardFrame::of(adu), Some(late)));
+            }
         }
+    }
+
+    /// The exchange of `request` is over, to which `reply` came that does not answer it. If `nothing` else came, it is how the
+    /// drive answers; if a reply did, it is one of too many.
+    fn came_instead(
+        &mut self,
+        now: MonoTime,
+        drive: DriveIndex,
+        (request, reply): (&Request, HeardFrame),
+        late: Option<Duration>,
+        nothing: bool,
+    ) {
+        if nothing {
+            let mut frame = Vec::new();
+            let station = self.drives[drive].setup.station.0;
+            framing::encode(self.timing.framing, &mut frame, station, |pdu| request.encode(pdu));
+            return self.health.diagnosis.wrong_reply(drive.get(), HeardFrame::of(&frame), reply);
+        }
+        let Some(late) = late else { return };
+        self.drives[drive].station.is_unexplained(late, now);
+        self.health.diagnosis.stray(drive.get(), Stray::TooMany(late));
+        self.health.damage.stray(drive.get(), Stray::TooMany(late));
     }
 }
 

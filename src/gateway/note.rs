@@ -6,10 +6,12 @@ use crate::domain::control::FailSafe;
 use crate::domain::fail_safe::{FailSafeRun, FailSafeStage};
 use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
+pub use crate::domain::traffic::HeardFrame;
+use crate::drive::plan::RefusedRegister;
 use crate::drive::sight::LastSeen;
+use crate::drive::status::UndocumentedState;
 use crate::drive::watchdog::WatchdogState;
 use crate::line::standby::Change;
-use std::fmt;
 
 /// An event of a drive that no request caused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -77,6 +79,18 @@ pub enum Note {
         /// The client that stops it.
         by: Owner,
     },
+    /// A status register holds a word that no document names.
+    #[error(
+        "undocumented_state: {} holds {}, which no document of this model names: it proves nothing, and the run state \
+         follows the output frequency", .0.address, .0.word
+    )]
+    Undocumented(UndocumentedState),
+    /// A polled register is refused.
+    #[error(
+        "register_refused: the drive refuses to show {} with exception {:02X}; it is left out, and asked again once an hour \
+         and after an outage", .0.address, .0.code
+    )]
+    RegisterRefused(RefusedRegister),
     /// A stop took effect after the alarm.
     #[error("the stop has taken effect")]
     EffectiveAtLast,
@@ -172,34 +186,6 @@ pub enum LineNote {
     /// The suspected cause of the failures; `None`: no longer any.
     #[error("{}", suspected(.0))]
     Suspects(Option<Suspicion>),
-}
-
-/// The beginning of a frame that was heard, for messages.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct HeardFrame {
-    bytes: [u8; 16],
-    len: usize,
-}
-
-impl HeardFrame {
-    /// The first bytes of `frame`.
-    #[must_use]
-    pub fn of(frame: &[u8]) -> Self {
-        let mut bytes = [0; 16];
-        let len = frame.len();
-        bytes.iter_mut().zip(frame).for_each(|(to, from)| *to = *from);
-        Self { bytes, len }
-    }
-}
-
-impl fmt::Display for HeardFrame {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (at, byte) in self.bytes.iter().take(self.len).enumerate() {
-            let space = if at > 0 { " " } else { "" };
-            write!(f, "{space}{byte:02X}")?;
-        }
-        if self.len > self.bytes.len() { write!(f, " ... ({} bytes)", self.len) } else { Ok(()) }
-    }
 }
 
 const fn sender(is_gateway: &bool) -> &'static str {

@@ -321,9 +321,10 @@ impl StopLatch {
         self.is_acknowledged && !running
     }
 
-    /// A read was answered.
-    pub const fn was_looked_at(&mut self) {
+    /// A read was answered at `now`. One that proved nothing is not repeated at once either.
+    pub fn was_looked_at(&mut self, now: MonoTime) {
         self.looks = self.looks.wrapping_add(1);
+        self.look_at = self.look_at.max(now + LOOK_EVERY);
     }
 
     /// The drive responds again: an unanswered stop is sent again at once.

@@ -20,6 +20,9 @@ impl DriveOnLine {
         effects: &mut Outbox,
     ) {
         let (address, words) = read;
+        if self.blank.doubts(&self.setup.model, &self.snapshot, read, read_at) {
+            return;
+        }
         let count = u16::try_from(words.len()).unwrap_or(u16::MAX);
         for (place, word) in address.onwards().zip(words) {
             if let Some(class) = self.setup.model.polled_at(place, address, count) {
@@ -34,6 +37,9 @@ impl DriveOnLine {
         }
         if !self.is_believed(now, read, effects) {
             return;
+        }
+        if let Some(output) = self.work.impossible_output(address, words) {
+            self.snapshot.forget([output]);
         }
         let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
         self.work.take_words(address, words, reading, now, effects);

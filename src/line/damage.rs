@@ -85,6 +85,8 @@ impl DamageWatch {
                 counts.beyond_limit += 1;
             }
             Stray::TooMany(_) => counts.doubled += 1,
+            // What it is, the end of the exchange tells.
+            Stray::WrongForm(_) => {}
         }
     }
 

@@ -5,7 +5,7 @@ use super::station::Stray;
 use crate::domain::ids::Station;
 use crate::domain::link::Framing;
 use crate::domain::suspicion::Suspicion;
-use crate::domain::traffic::TrafficKind;
+use crate::domain::traffic::{HeardFrame, TrafficKind};
 
 /// Number of signs of one kind before they are believed: one alone may be chance.
 pub const SIGNS: u32 = 3;
@@ -23,13 +23,17 @@ struct StationHistory {
     second_replies: u32,
     /// Replies that arrived later than any may.
     beyond_limit: u32,
+    /// Requests that were answered in the wrong form.
+    wrong_replies: u32,
+    /// The last such request, and what came.
+    wrong: Option<(HeardFrame, HeardFrame)>,
 }
 
 /// The evidence of one line.
 #[derive(Debug)]
 pub struct Diagnosis {
-    /// What is suspected if nothing is ever received.
-    silence: Suspicion,
+    /// The line has a speed and a parity; Modbus TCP has neither.
+    has_characters: bool,
     stations: Vec<StationHistory>,
     /// Exchanges since the counts last restarted.
     exchanges: u32,
@@ -51,15 +55,21 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// A line with these stations from which nothing has been received.
     pub fn new(framing: Framing, stations: impl Iterator<Item = Station>) -> Self {
-        let silence = if framing.has_characters() { Suspicion::NothingHeard } else { Suspicion::ServerSilent };
-        Self::of(silence, stations)
+        Self::of(framing.has_characters(), stations)
     }
 
-    fn of(silence: Suspicion, stations: impl Iterator<Item = Station>) -> Self {
-        let seen =
-            |station| StationHistory { station, was_heard: false, silences: 0, second_replies: 0, beyond_limit: 0 };
+    fn of(has_characters: bool, stations: impl Iterator<Item = Station>) -> Self {
+        let seen = |station| StationHistory {
+            station,
+            was_heard: false,
+            silences: 0,
+            second_replies: 0,
+            beyond_limit: 0,
+            wrong_replies: 0,
+            wrong: None,
+        };
         Self {
-            silence,
+            has_characters,
             stations: stations.map(seen).collect(),
             exchanges: 0,
             silences: 0,
@@ -78,7 +88,7 @@ impl Diagnosis {
     /// The port was opened: all evidence is discarded.
     pub fn port_opened(&mut self) {
         let stations = std::mem::take(&mut self.stations);
-        *self = Self::of(self.silence, stations.into_iter().map(|seen| seen.station));
+        *self = Self::of(self.has_characters, stations.into_iter().map(|seen| seen.station));
     }
 
     /// A request is sent to the station at `place`.
@@ -103,10 +113,18 @@ impl Diagnosis {
         let Some(seen) = self.stations.get_mut(place) else { return };
         seen.was_heard = true;
         match stray {
-            Stray::Explained => {}
+            Stray::Explained | Stray::WrongForm(_) => {}
             Stray::BeyondLimit(_) => seen.beyond_limit += 1,
             Stray::TooMany(_) => seen.second_replies += 1,
         }
+    }
+
+    /// `reply` was all that came to `request` from the station at `place`.
+    pub fn wrong_reply(&mut self, place: usize, request: HeardFrame, reply: HeardFrame) {
+        let Some(seen) = self.stations.get_mut(place) else { return };
+        seen.was_heard = true;
+        seen.wrong_replies += 1;
+        seen.wrong = Some((request, reply));
     }
 
     /// The exchange ended, with a `fault` or successfully; its valid reply has `reply_bytes`.
@@ -135,9 +153,16 @@ impl Diagnosis {
             self.found = pattern;
         }
         let is_settled = match self.found {
-            Some(Suspicion::OneSilent(station)) => self.stations.iter().any(|it| it.station == station && it.was_heard),
+            Some(Suspicion::OneSilent(station) | Suspicion::OneUnitSilent(station)) => {
+                self.stations.iter().any(|it| it.station == station && it.was_heard)
+            }
             Some(Suspicion::NothingHeard | Suspicion::ServerSilent) => self.was_anything_heard,
-            Some(Suspicion::DuplicateStation(_) | Suspicion::LateBeyondLimit(_) | Suspicion::OtherMaster) => false,
+            Some(
+                Suspicion::DuplicateStation(_)
+                | Suspicion::LateBeyondLimit(_)
+                | Suspicion::OtherMaster
+                | Suspicion::WrongReplies { .. },
+            ) => false,
             _ => self.was_frame_heard,
         };
         let is_over = self.exchanges >= WINDOW;
@@ -161,19 +186,31 @@ impl Diagnosis {
         if let Some(late) = self.stations.iter().find(|seen| seen.beyond_limit > 0) {
             return Some(Suspicion::LateBeyondLimit(late.station));
         }
+        let wrong = self.stations.iter().filter(|seen| seen.wrong_replies >= SIGNS);
+        let wrong = wrong.filter_map(|seen| {
+            let (request, reply) = seen.wrong?;
+            Some(Suspicion::WrongReplies { station: seen.station, request, reply })
+        });
+        if let Some(wrong) = wrong.take(1).next() {
+            return Some(wrong);
+        }
         if !self.was_anything_heard {
-            return (self.silences >= SILENCES).then_some(self.silence);
+            let silence = if self.has_characters { Suspicion::NothingHeard } else { Suspicion::ServerSilent };
+            return (self.silences >= SILENCES).then_some(silence);
         }
         if !self.was_frame_heard {
             let damaged = self.right_length + self.too_few + self.too_many;
             return (damaged >= SIGNS).then(|| self.of_loose_bytes());
         }
         let others_answer = |silent: &&StationHistory| !silent.was_heard && silent.silences >= SILENCES;
-        self.stations.iter().find(others_answer).map(|silent| Suspicion::OneSilent(silent.station))
+        let one_silent = if self.has_characters { Suspicion::OneSilent } else { Suspicion::OneUnitSilent };
+        self.stations.iter().find(others_answer).map(|silent| one_silent(silent.station))
     }
 
     fn of_loose_bytes(&self) -> Suspicion {
-        if self.right_length >= self.too_few.max(self.too_many) {
+        if !self.has_characters {
+            Suspicion::NotModbusTcp
+        } else if self.right_length >= self.too_few.max(self.too_many) {
             Suspicion::AlwaysDamaged
         } else if self.too_few > self.too_many {
             Suspicion::DrivesAreFaster
@@ -191,6 +228,7 @@ impl Diagnosis {
         for seen in &mut self.stations {
             seen.second_replies = 0;
             seen.beyond_limit = 0;
+            seen.wrong_replies = 0;
         }
     }
 }
@@ -232,6 +270,28 @@ mod tests {
     }
 
     #[test]
+    fn speed_and_parity_are_not_suspected_of_a_connection() {
+        let line = || Diagnosis::new(Framing::Mbap, [Station(1), Station(2)].into_iter());
+        for (heard, fault) in [(7, Fault::Garbled), (3, Fault::Silent), (15, Fault::Silent)] {
+            let mut diagnosis = line();
+            let noise = [(TrafficKind::Noise, &[0xFE; 20][..heard])];
+            let found = (0..5).filter_map(|_| exchange(&mut diagnosis, &noise, Some(fault))).last();
+            assert_eq!(found, Some(Suspicion::NotModbusTcp), "{heard}");
+        }
+        let mut diagnosis = line();
+        exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None);
+        for _ in 0..SILENCES {
+            diagnosis.sent(1);
+            diagnosis.ended(Some(Fault::Silent), 7);
+        }
+        assert_eq!(diagnosis.suspicion(), Some(Suspicion::OneUnitSilent(Station(2))));
+        for suspicion in [Suspicion::NotModbusTcp, Suspicion::ServerSilent, Suspicion::OneUnitSilent(Station(2))] {
+            let text = suspicion.to_string();
+            assert!(!["speed", "parity", "wiring"].iter().any(|word| text.contains(word)), "{text}");
+        }
+    }
+
+    #[test]
     fn one_silent_drive_among_others_is_named_until_it_is_heard() {
         let mut diagnosis = line();
         exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None);
@@ -267,6 +327,21 @@ mod tests {
             (0..signs).for_each(|_| diagnosis.stray(1, stray));
             assert_eq!(exchange(&mut diagnosis, &reply, None), expected, "{stray:?}");
         }
+    }
+
+    #[test]
+    fn wrong_replies_are_named_with_both_frames() {
+        let mut diagnosis = line();
+        let frames = [&[1, 3, 0x20, 0, 0, 1][..], &[1, 3, 4, 0, 0, 0]].map(HeardFrame::of);
+        for _ in 0..SIGNS {
+            diagnosis.sent(0);
+            diagnosis.wrong_reply(0, frames[0], frames[1]);
+            diagnosis.ended(Some(Fault::Silent), 7);
+        }
+        let found = diagnosis.suspicion();
+        let [request, reply] = frames;
+        assert_eq!(found, Some(Suspicion::WrongReplies { station: Station(1), request, reply }));
+        assert!(found.unwrap().to_string().contains("01 03 04 00 00 00 to 01 03 20 00 00 01"), "{found:?}");
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub enum Stray {
     BeyondLimit(Duration),
     /// An excess reply, or a reply to another master: the time since the newest request.
     TooMany(Duration),
+    /// The first frame after a request, and not its reply. If none follows, the drive answers in the wrong form.
+    WrongForm(Duration),
 }
 
 /// The line's state of one station.
@@ -247,9 +249,9 @@ impl StationState {
     }
 
     /// A sound frame of the station with `pdu` arrived at `now` that answers no open request. An unexplained one makes
-    /// the station dirty until it has been silent for as long as the latest reply was late. `declared`: the declared
-    /// maximum lateness.
-    pub fn stray(&mut self, pdu: &[u8], now: MonoTime, declared: Duration) -> Stray {
+    /// the station dirty until it has been silent for as long as the latest reply was late, unless it is the first one to a
+    /// request that `waits`: then only a reply that follows does. `declared`: the declared maximum lateness.
+    pub fn stray(&mut self, pdu: &[u8], now: MonoTime, declared: Duration, waits: bool) -> Stray {
         self.expire(now);
         if self.is_identified {
             return Stray::Explained;
@@ -261,12 +263,20 @@ impl StationState {
         let expired = self.expired.iter().position(|expired| answers(&expired.request, pdu));
         let beyond = expired.map(|place| now.since(self.expired.remove(place).sent_at)).or(self.taken.take());
         let late = beyond.unwrap_or_else(|| now.since(self.asked_at).min(declared));
+        if beyond.is_none() && waits {
+            return Stray::WrongForm(late);
+        }
         if beyond.is_some() {
             self.quiet.observed(late);
         }
+        self.is_unexplained(late, now);
+        if beyond.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
+    }
+
+    /// A frame that arrived `late` belongs to no request of ours.
+    pub fn is_unexplained(&mut self, late: Duration, now: MonoTime) {
         self.quiet.unexplained(late, now);
         self.looks = LOOKS;
-        if beyond.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
     }
 
     /// A frame of it was received at `now`: a required silence starts over.
@@ -455,7 +465,7 @@ mod tests {
         station.asked_before(at(60_000));
         for count in 1..=100 {
             miss(&mut station, read(1, count), at(1_000), LATENESS);
-            assert_eq!(station.stray(&[3, 2, 0, 7], at(1_100), LATENESS), Stray::Explained);
+            assert_eq!(station.stray(&[3, 2, 0, 7], at(1_100), LATENESS, false), Stray::Explained);
         }
         station.exchange_ended(&read(1, 1), true, at(1_200));
         assert_eq!((station.clean_at(), station.unmistakable_at(&read(1, 1))), (MonoTime::ZERO, MonoTime::ZERO));
@@ -481,7 +491,7 @@ mod tests {
         station.asked(at(1_000));
         station.exchange_ended(&read(1, 1), false, at(1_010));
         let late = Duration::from_millis(80);
-        assert_eq!(station.stray(&ONE_WORD, at(1_080), LATENESS), Stray::TooMany(late));
+        assert_eq!(station.stray(&ONE_WORD, at(1_080), LATENESS, false), Stray::TooMany(late));
         assert!(station.is_doubtful());
         assert_eq!(station.unmistakable_at(&read(1, 9)), at(1_080) + late * 3 / 2, "not even a barrier");
         assert!(station.misses_function(6, at(1_100)));
@@ -500,10 +510,10 @@ mod tests {
         let at = MonoTime::from_millis;
         let mut station = station();
         miss(&mut station, read(1, 1), at(1_000), LATENESS);
-        assert_eq!(station.stray(&ONE_WORD, at(1_400), LATENESS), Stray::Explained);
+        assert_eq!(station.stray(&ONE_WORD, at(1_400), LATENESS, false), Stray::Explained);
         assert!(!station.is_doubtful());
         let late = Duration::from_millis(900);
-        assert_eq!(station.stray(&ONE_WORD, at(1_900), LATENESS), Stray::BeyondLimit(late));
+        assert_eq!(station.stray(&ONE_WORD, at(1_900), LATENESS, false), Stray::BeyondLimit(late));
         assert_eq!(station.lateness(LATENESS), late * 3 / 2);
         station.line_opened(at(3_000));
         assert_eq!((station.lateness(LATENESS), station.is_doubtful()), (LATENESS, false));
@@ -513,7 +523,7 @@ mod tests {
         miss(&mut station, read(1, 2), at(1_800), LATENESS);
         station.asked(at(1_850));
         station.exchange_ended(&read(2, 1), false, at(1_900));
-        assert_eq!(station.stray(&ONE_WORD, at(1_950), LATENESS), Stray::BeyondLimit(late));
+        assert_eq!(station.stray(&ONE_WORD, at(1_950), LATENESS, false), Stray::BeyondLimit(late));
     }
 
     #[test]

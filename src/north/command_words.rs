@@ -3,6 +3,7 @@
 use crate::domain::command::{Direction, Reason};
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::domain::problem::nearest;
+use crate::profile::scale::Decimal;
 use serde_json::{Map, Value};
 
 /// Why an intended command is refused.
@@ -57,13 +58,17 @@ pub fn run_word(text: &str) -> Result<RunWord, Refused> {
     found.map(|(_, word)| *word).ok_or_else(|| unknown_word(text, RUN_EXAMPLE))
 }
 
-/// Refuses the value of `key`, written as `text`, as no frequency.
+/// Refuses the value of `key`, written as `text`, as no frequency. `step`: that of the drive's setpoint, where it is known.
 #[must_use]
-pub fn no_frequency(why: NoFrequency, key: &str, text: &str) -> Refused {
+pub fn no_frequency(why: NoFrequency, key: &str, text: &str, step: Option<Decimal>) -> Refused {
     let reason = match why {
         NoFrequency::NotANumber => Reason::NotANumber,
         NoFrequency::OutOfRange => Reason::OutsideLimits,
         NoFrequency::TooFine => Reason::BetweenSteps,
+    };
+    let why = match step.filter(|_| why == NoFrequency::TooFine) {
+        Some(step) => format!("between the drive's steps of {step} Hz"),
+        None => why.to_string(),
     };
     let message = format!("`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}", short(text));
     Refused::new(reason, message)
@@ -259,10 +264,11 @@ pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
 ///
 /// # Errors
 /// It is none.
-pub fn frequency(object: &Map<String, Value>) -> Result<Option<Hertz>, Refused> {
+pub fn frequency(object: &Map<String, Value>, step: Option<Decimal>) -> Result<Option<Hertz>, Refused> {
     let Some(value) = object.get("frequency_hz") else { return Ok(None) };
     let number = value.as_f64().ok_or_else(|| not_a_number("frequency_hz", "42.5"))?;
-    let frequency = Hertz::from_f64(number).map_err(|why| no_frequency(why, "frequency_hz", &value.to_string()))?;
+    let frequency = Hertz::from_f64(number);
+    let frequency = frequency.map_err(|why| no_frequency(why, "frequency_hz", &value.to_string(), step))?;
     Ok(Some(frequency))
 }
 

@@ -104,6 +104,8 @@ signs! {
     Offline "offline" Problem "the drive does not answer"
     Warns "warns" Hint "the drive shows a warning, and goes on"
     Implausible "implausible" Problem "the drive does not show what every drive of its model shows: nothing read from it counts"
+    UndocumentedState "undocumented_state" Hint "the drive shows a state that no document names: it proves nothing"
+    RegisterRefused "register_refused" Hint "the drive refuses to show a register; a problem where run state or trips are read there"
     BusRefused "bus_refused" Problem "a parameter of the drive keeps it from obeying the bus"
     LocalControl "local_control" Problem "the drive obeys its panel or terminals"
     NotEffective "not_effective" Problem "a stop shows no effect"
@@ -190,6 +192,12 @@ pub(super) fn over_full(planned_use_per_mille: u32) -> Sentence {
 /// What is suspected of a line.
 pub(super) fn suspicion(suspicion: Suspicion) -> Sentence {
     let said = Sentence::new(format!("suspicion.{}", suspicion.word()));
+    let said = match suspicion {
+        Suspicion::WrongReplies { request, reply, .. } => {
+            said.with("request", request.to_string()).with("reply", reply.to_string())
+        }
+        _ => said,
+    };
     match suspicion.station() {
         Some(station) => said.with("station", u64::from(station.0)),
         None => said,

@@ -116,6 +116,9 @@ impl fmt::Display for Decimal {
     }
 }
 
+/// How far a number may be from a step and still be that step.
+const NOISE_STEPS: f64 = 1e-6;
+
 /// Decimals of a value of `scale` steps per unit. If `scale` is not a power of ten, a value may need any number of
 /// decimals; the result is then a sensible maximum.
 #[must_use]
@@ -147,8 +150,8 @@ pub enum NoWord {
     },
 }
 
-/// The raw word for `value`, in the unit of `register`. Nothing is rounded or clamped: the value must be the `f64`
-/// nearest to a step of the register, as it is when parsed from decimal text.
+/// The raw word for `value`, in the unit of `register`. Nothing is rounded or clamped: the value must be a step of the
+/// register, but for the noise of binary fractions.
 ///
 /// # Errors
 /// The word cannot hold the value.
@@ -176,13 +179,13 @@ fn steps_within(value: f64, scale: u32, (least, most): (i64, i64)) -> Result<i64
     if !value.is_finite() {
         return Err(NoWord::NotANumber);
     }
-    let least = Scaled { raw: least, scale };
-    let most = Scaled { raw: most, scale };
-    if !(least.value()..=most.value()).contains(&value) {
-        return Err(NoWord::OutOfRange { least, most });
+    let steps = value * f64::from(scale);
+    let raw = steps.round() as i64;
+    if !(least..=most).contains(&raw) {
+        return Err(NoWord::OutOfRange { least: Scaled { raw: least, scale }, most: Scaled { raw: most, scale } });
     }
-    let raw = (value * f64::from(scale)).round() as i64;
-    if (Scaled { raw, scale }).value() != value {
+    // Programs count in binary fractions.
+    if (steps - raw as f64).abs() > NOISE_STEPS {
         return Err(NoWord::BetweenSteps { scale });
     }
     Ok(raw)

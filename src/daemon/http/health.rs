@@ -5,9 +5,11 @@ use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::daemon::host::clock;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
+use crate::drive::plan::RefusedRegister;
 use crate::north::broker::Oversized;
 use crate::north::clock::Clock;
 use crate::north::shown::{self, presence, run_state, warning_text};
+use crate::profile::model::Model;
 use serde_json::{Value, json};
 
 /// Why the gateway is ready or not: each line and the broker.
@@ -70,8 +72,20 @@ fn drive(drive: &SharedDrive, now: MonoTime) -> Value {
         "last_seen": shown::last_seen(&view, &Clock::new(clock::moment())),
         "failsafe": shown::fail_safe(view.control.as_ref(), &Clock::new(clock::moment())),
         "warning": warning_text(description, &view, now),
+        "undocumented_state": view.status.undocumented.map(|it| format!("{} holds {}", it.address, it.word)),
+        "refused": view.refused.iter().map(|it| refused(&description.model, it)).collect::<Vec<_>>(),
         "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
         "site": description.control.as_ref().map(|control| shown::site(control)),
+    })
+}
+
+/// A register that the drive refuses to show.
+fn refused(model: &Model, refused: &RefusedRegister) -> Value {
+    json!({
+        "register": refused.address.to_string(),
+        "name": model.register_at(refused.address).map(|register| register.name.as_str()),
+        "code": refused.code,
+        "essential": model.is_essential(refused.address),
     })
 }
 

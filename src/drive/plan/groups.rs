@@ -71,6 +71,17 @@ impl PollGroup {
         (hole <= HOLE_MAX && words <= model.words_in_one_read(low.address)).then_some((low.address, words, hole))
     }
 
+    /// Both halves, without a value of two words between them; `None` if it is a single value.
+    pub(super) fn halves(&self, model: &Model) -> Option<(Self, Self)> {
+        let is_split = |register: &Register, offset| {
+            register.form.words() > 1 && self.address.checked_add(offset - 1) == Some(register.address)
+        };
+        let may = |offset: &u16| !model.registers.iter().any(|register| is_split(register, *offset));
+        let offset = (1..self.count).filter(may).min_by_key(|offset| offset.abs_diff(self.count / 2))?;
+        let high = Self { address: self.address.checked_add(offset)?, count: self.count - offset, ..*self };
+        Some((Self { count: offset, ..*self }, high))
+    }
+
     /// The registers between the two groups.
     pub(super) fn between(&self, other: &Self) -> impl Iterator<Item = Address> {
         let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };

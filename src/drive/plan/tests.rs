@@ -208,7 +208,7 @@ fn a_refused_bridge_is_not_tried_again_until_the_port_is_opened() {
     let mut plan = PollPlan::new(&model, Pace::new(Duration::from_millis(100), 1.0), at(0), PlaceOnLine::ALONE);
     let take = |plan: &mut PollPlan, now| plan.take(0, at(now), &model, |_, _| true);
     assert_eq!(take(&mut plan, 0), Some((Address::holding(0x0101), 3)));
-    plan.refused(0x0101_u16.into(), 3, at(10));
+    plan.refused((0x0101_u16.into(), 3), 2, &model, at(10));
     assert!(plan.iter().all(|(.., due)| due == at(10)), "what it was to bring is asked for at once");
     assert_eq!(take(&mut plan, 10), Some((Address::holding(0x0101), 1)));
     assert_eq!(take(&mut plan, 450), Some((Address::holding(0x0101), 1)));

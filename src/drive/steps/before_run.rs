@@ -52,7 +52,7 @@ fn written(address: Address, step: &StartStep) -> [Step; 2] {
 fn met_after(step: &StartStep) -> Option<Condition> {
     let until = step.until.as_ref()?;
     let StartCondition { address, mask, values, within } = until.clone();
-    Some(Condition { address, mask, values, second: None, is_one: true, within })
+    Some(Condition { address, mask, values, second: None, instead: None, within })
 }
 
 /// The direction. If its register can be read, the run word is sent only after it was read to hold the direction: an order

@@ -1,8 +1,8 @@
 //! Detects the trips of a drive and reports each once, with its record.
 //!
-//! * A drive that only counts its trips: a rise by n is n trips, a fall is a new baseline. The record is read between
-//!   two equal counts, so that it belongs to the count. A fall, and a rise by more than a few at once, are read again
-//!   before they are believed, and a rise that the next reading does not confirm is ignored.
+//! * A drive that only counts its trips: a rise by n is n trips, a fall that holds is a new baseline. The record is read
+//!   between two equal counts, so that it belongs to the count. A rise by more than a few at once, or by more than one
+//!   behind a fall, is read again later before it is believed, and a rise that the next reading does not confirm is ignored.
 //! * A drive that shows whether a trip is active, by a flag or by the trip's number: each time it becomes active is a
 //!   trip, and so is another number while it is active. Where each trip has a bit, so is another bit.
 //!
@@ -15,10 +15,12 @@
 
 mod baseline;
 mod bits;
+mod count;
 mod places;
 #[cfg(test)]
 mod tests;
 
+use super::doubt::FallWatch;
 use super::view::{TripEvent, TripEventKind, TripRecord, TripView};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
@@ -30,10 +32,6 @@ use std::time::Duration;
 /// How often a record is read again because the count kept rising or the read was not answered. After that the trips
 /// are reported with what is known, so that they do not wait forever.
 const READS_MAX: u8 = 4;
-
-/// A count that rises by more at once, or falls, is read again before it is believed: it may be the answer to another
-/// request.
-const TRIPS_AT_ONCE: u16 = 16;
 
 /// How long another number waits for the record of the trip before it, which is told without it then.
 const UNREAD_AFTER: Duration = Duration::from_secs(2);
@@ -47,8 +45,10 @@ pub struct TripWatch {
     told: Option<u16>,
     /// That count was read more than once.
     told_is_sure: bool,
-    /// A reading of the count that is believed once it has been read again.
-    doubted: Option<u16>,
+    /// A reading of the count that is believed once it has been read again, and when it was first read.
+    doubted: Option<(u16, MonoTime)>,
+    /// Whether the count has fallen.
+    fall: FallWatch,
     /// Whether a trip was active when that was last known and reported, even before the drive went offline.
     held: Option<bool>,
     /// The vendor's number, or the bits, of the last trip reported or shown.
@@ -124,8 +124,9 @@ impl TripWatch {
     /// First register and number of words to be read now, in addition to the polls; `None` if none.
     #[must_use]
     pub fn wants(&self) -> Option<(Address, u16)> {
-        if let (Some(Places { source: Source::Count(count), .. }), Some(_)) = (&self.places, self.doubted) {
-            return Some((*count, 1));
+        if self.doubted.is_some() || self.fall.is_doubted() {
+            // The next polls tell.
+            return None;
         }
         let places = self.places.as_ref()?;
         let reading = self.reading.as_ref()?;
@@ -199,6 +200,7 @@ impl TripWatch {
         self.is_in_sight = false;
         self.is_contradicted = false;
         self.doubted = None;
+        self.fall = FallWatch::default();
         told
     }
 
@@ -213,10 +215,6 @@ impl TripWatch {
 
     /// The wanted read failed.
     pub fn read_failed(&mut self) -> Option<TripEvent> {
-        if self.doubted.take().is_some() {
-            // The next poll shows it again, if it is true.
-            return None;
-        }
         let reading = self.reading.as_mut()?;
         reading.tries += 1;
         if reading.tries < READS_MAX { None } else { self.end_reading(false) }
@@ -269,72 +267,6 @@ impl TripWatch {
             reading.code = Some(code);
         }
         told
-    }
-
-    fn take_count(&mut self, count: u16, now: MonoTime, events: &mut Vec<TripEvent>) {
-        let is_first = self.told.is_none();
-        let told = *self.told.get_or_insert(count);
-        if self.is_doubted(count, told) {
-            return;
-        }
-        self.told_is_sure |= !is_first && count == told;
-        if count > told.saturating_add(TRIPS_AT_ONCE) && !self.told_is_sure {
-            // The count that was read twice is the baseline.
-            self.told = Some(count);
-            self.view.count = Some(count);
-            self.told_is_sure = true;
-            return;
-        }
-        if count == told
-            && let Some(reading) = self.reading.take_if(|reading| !reading.is_sure)
-        {
-            // A rise that only one reading has shown.
-            self.view.active = reading.was_active;
-        }
-        if count <= told {
-            // If the count restarts, the rise up to then is reported with its own count.
-            events.extend(self.tell_unread());
-            self.told = Some(count);
-            self.view.count = Some(count);
-            if self.reset_acknowledged {
-                events.extend(self.clear(now));
-            }
-            return;
-        }
-        // A listener reads no record: the trip before keeps its own time and count.
-        if self.reading.as_ref().is_some_and(|it| it.is_news && it.is_sure && it.count.is_some_and(|was| was < count)) {
-            events.extend(self.end_reading(false));
-        }
-        let parts = self.places.as_ref().map_or(0, |places| places.record.len());
-        let mut reading = self.reading.take().unwrap_or_else(|| self.new_reading(true, now));
-        self.view.count = Some(count);
-        self.view.active = Some(true);
-        self.reset_acknowledged = false;
-        reading.is_sure |= reading.count == Some(count);
-        let is_whole = reading.parts >= parts;
-        let belongs = reading.count == Some(count) || parts == 0;
-        let is_worn_out = reading.tries >= READS_MAX;
-        if reading.count != Some(count) && !is_worn_out {
-            let tries = reading.tries + u8::from(is_whole && reading.count.is_some());
-            reading = Reading { count: Some(count), tries, is_news: true, parts: 0, words: Vec::new(), ..reading };
-            reading.code = None;
-        }
-        self.reading = Some(reading);
-        if (is_whole && belongs) || is_worn_out {
-            events.extend(self.end_reading(!is_worn_out));
-        }
-    }
-
-    /// Whether `count` has to be read again before it is believed.
-    fn is_doubted(&mut self, count: u16, told: u16) -> bool {
-        let is_usual = count.checked_sub(told).is_some_and(|rise| rise <= TRIPS_AT_ONCE);
-        let is_known = self.reading.as_ref().is_some_and(|reading| reading.count == Some(count));
-        if is_usual || is_known || self.doubted == Some(count) {
-            self.doubted = None;
-            return false;
-        }
-        self.doubted = Some(count);
-        true
     }
 
     /// Begins to read the record of an active trip, or reports it at once if the model has no record.

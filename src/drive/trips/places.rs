@@ -51,7 +51,7 @@ impl Source {
     /// What a reading tells whose registers hold what `word` says; nothing if it does not cover this source.
     pub fn seen(&self, word: impl Fn(Address) -> Option<u16>) -> Option<TripReading> {
         match self {
-            Self::Flag(flag) => word(flag.address).map(|word| TripReading::Held(flag.holds(word))),
+            Self::Flag(flag) => flag.reads(word(flag.address)?).map(TripReading::Held),
             Self::Code(field) => field.code(word).map(|code| TripReading::Held(code != 0)),
             Self::Count(register) => word(*register).map(TripReading::Counted),
         }

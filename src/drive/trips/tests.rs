@@ -12,6 +12,12 @@ fn at(ms: u64) -> MonoTime {
 }
 
 fn watch(count: u16) -> TripWatch {
+    let mut watch = seen_once(count);
+    assert_eq!(watch.one(COUNT, &[count], at(0)), None, "read again");
+    watch
+}
+
+fn seen_once(count: u16) -> TripWatch {
     let mut watch = TripWatch::new(&model());
     assert_eq!(watch.one(COUNT, &[count], at(0)), None, "the first reading is the baseline");
     watch
@@ -67,18 +73,55 @@ fn a_drive_that_trips_on_and_on_is_reported_all_the_same() {
 }
 
 #[test]
-fn a_fall_is_a_new_baseline() {
+fn a_fall_that_holds_is_a_new_baseline() {
     let mut watch = watch(9);
-    assert_eq!(watch.one(COUNT, &[2], at(1)), None);
-    assert_eq!(
-        (watch.wants(), watch.baseline().count),
-        (Some((Address::holding(COUNT), 1)), Some(9)),
-        "it is read again"
-    );
-    assert_eq!(watch.one(COUNT, &[2], at(1)), None);
+    for second in 1..=10 {
+        assert_eq!(watch.one(COUNT, &[2], at(second * 1000)), None);
+        assert_eq!((watch.wants(), watch.baseline().count), (None, Some(9)), "{second}");
+    }
+    assert_eq!(watch.one(COUNT, &[2], at(11_000)), None);
     assert_eq!((watch.wants(), watch.baseline().count), (None, Some(2)));
-    watch.one(COUNT, &[3], at(2));
+    watch.one(COUNT, &[3], at(12_000));
     assert!(watch.wants().is_some());
+}
+
+#[test]
+fn a_count_that_comes_back_was_never_lower() {
+    for zeros in [1, 3, 9, 20] {
+        let mut watch = watch(5);
+        for second in 1..=zeros {
+            assert_eq!(watch.one(COUNT, &[0], at(second * 1000)), None);
+        }
+        for second in zeros + 1..zeros + 5 {
+            assert_eq!(watch.one(COUNT, &[5], at(second * 1000)), None);
+            assert_eq!((watch.wants(), watch.view().seen, watch.baseline().count), (None, 0, Some(5)), "{zeros}");
+        }
+        watch.one(COUNT, &[6], at(40_000));
+        watch.one(0x0113, &RECORD, at(40_001));
+        assert_eq!(trips(watch.one(COUNT, &[6], at(40_002))), (1, Some(7)), "{zeros}");
+    }
+}
+
+#[test]
+fn a_rise_by_more_than_one_behind_a_fall_is_read_again_later() {
+    let mut watch = watch(5);
+    watch.one(COUNT, &[0], at(1000));
+    for ms in [2000, 2500, 2999] {
+        assert_eq!(watch.one(COUNT, &[8], at(ms)), None);
+        assert_eq!((watch.wants(), watch.view().active), (None, None), "{ms}");
+    }
+    watch.one(COUNT, &[8], at(3000));
+    watch.one(0x0113, &RECORD, at(3001));
+    assert_eq!(trips(watch.one(COUNT, &[8], at(3002))), (3, Some(7)));
+}
+
+#[test]
+fn a_count_of_ones_is_none() {
+    let mut watch = watch(5);
+    for second in 1..30 {
+        assert_eq!(watch.one(COUNT, &[u16::MAX], at(second * 1000)), None);
+    }
+    assert_eq!((watch.wants(), watch.view().count, watch.baseline().count), (None, Some(5), Some(5)));
 }
 
 #[test]
@@ -86,25 +129,27 @@ fn a_count_that_jumps_is_reported_only_when_it_was_read_again() {
     let mut watch = watch(9);
     assert_eq!(watch.one(COUNT, &[9], at(1)), None);
     assert_eq!(watch.one(COUNT, &[22_720], at(2)), None);
-    assert_eq!((watch.wants(), watch.view().active), (Some((Address::holding(COUNT), 1)), None));
+    assert_eq!((watch.wants(), watch.view().active), (None, None));
     // It was the answer to something else.
     assert_eq!(watch.one(COUNT, &[9], at(3)), None);
     assert_eq!((watch.wants(), watch.view().seen, watch.baseline().count), (None, 0, Some(9)));
     // It was none: the record is read as always.
     watch.one(COUNT, &[9 + 17], at(4));
-    assert_eq!(watch.one(COUNT, &[9 + 17], at(5)), None);
+    assert_eq!(watch.one(COUNT, &[9 + 17], at(1004)), None);
     assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)));
-    watch.one(0x0113, &RECORD, at(6));
-    assert_eq!(trips(watch.one(COUNT, &[9 + 17], at(7))), (17, Some(7)));
+    watch.one(0x0113, &RECORD, at(1005));
+    assert_eq!(trips(watch.one(COUNT, &[9 + 17], at(1006))), (17, Some(7)));
 }
 
 #[test]
 fn of_a_wrong_first_count_no_trip_is_made() {
-    let mut watch = watch(0);
-    for ms in 1..=2 {
-        assert_eq!(watch.one(COUNT, &[22_720], at(ms)), None);
+    for right in [5, 22_720] {
+        let mut watch = seen_once(0);
+        for ms in [1, 1001] {
+            assert_eq!(watch.one(COUNT, &[right], at(ms)), None);
+        }
+        assert_eq!((watch.wants(), watch.baseline().count, watch.view().active), (None, Some(right), None));
     }
-    assert_eq!((watch.wants(), watch.baseline().count, watch.view().active), (None, Some(22_720), None));
 }
 
 #[test]
@@ -115,14 +160,6 @@ fn a_rise_that_the_next_reading_takes_back_is_no_trip() {
     watch.one(0x0113, &RECORD, at(3));
     assert_eq!(watch.one(COUNT, &[5], at(4)), None);
     assert_eq!((watch.wants(), watch.view().active, watch.view().seen), (None, None, 0));
-}
-
-#[test]
-fn a_count_that_cannot_be_read_again_is_left_to_the_next_poll() {
-    let mut watch = watch(9);
-    watch.one(COUNT, &[9], at(1));
-    watch.one(COUNT, &[2_000], at(2));
-    assert_eq!((watch.read_failed(), watch.wants()), (None, None));
 }
 
 #[test]
@@ -355,7 +392,7 @@ fn what_was_counted_while_nobody_looked_is_reported_with_its_record() {
     for (remembered, baseline) in [(Some(5), 5), (Some(9), 5), (None, 5)] {
         let mut watch = remembering(TripWatch::new(&model()), remembered, None, None);
         assert_eq!(watch.one(COUNT, &[5], at(0)), None);
-        assert_eq!((watch.one(COUNT, &[5], at(1)), watch.wants()), (None, None));
+        assert_eq!((watch.one(COUNT, &[5], at(10_000)), watch.wants()), (None, None));
         assert_eq!(watch.baseline().count, Some(baseline), "a fall is a new baseline");
     }
 }
@@ -364,14 +401,10 @@ fn what_was_counted_while_nobody_looked_is_reported_with_its_record() {
 fn a_count_that_falls_before_the_record_was_read_takes_no_trip_with_it() {
     let mut watch = watch(3);
     watch.one(COUNT, &[5], at(1));
-    assert_eq!(
-        (watch.one(COUNT, &[0], at(2)), watch.wants()),
-        (None, Some((Address::holding(COUNT), 1))),
-        "it is read again"
-    );
-    let event = watch.one(COUNT, &[0], at(3)).unwrap();
+    assert_eq!((watch.one(COUNT, &[0], at(2)), watch.wants()), (None, None), "it has to hold");
+    let event = watch.one(COUNT, &[0], at(10_002)).unwrap();
     assert_eq!((event.count, trips(Some(event))), (Some(5), (2, None)), "with the count of then");
-    assert_eq!((watch.baseline().count, watch.one(COUNT, &[0], at(4))), (Some(0), None));
+    assert_eq!((watch.baseline().count, watch.one(COUNT, &[0], at(10_003))), (Some(0), None));
 }
 
 /// While another gateway of the line is active, polls are overheard and the record is not read.

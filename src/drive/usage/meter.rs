@@ -3,6 +3,7 @@
 use super::{EnergySource, KeptUsage, MJ_PER_KWH, UsageTotals};
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
+use crate::drive::doubt::FallWatch;
 use crate::drive::plan::Pace;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::profile::model::{Model, PollClass, Register};
@@ -51,6 +52,8 @@ struct Counter {
     step_mj: u64,
     /// What was added since its last step, by readings of the output power.
     between_mj: u64,
+    /// Whether it has fallen.
+    fall: FallWatch,
 }
 
 impl UsageMeter {
@@ -166,7 +169,8 @@ impl Power {
 
 impl Counter {
     fn new(register: &Register) -> Self {
-        Self { register: register.clone(), last_mj: None, read_at: None, step_mj: 0, between_mj: 0 }
+        let register = register.clone();
+        Self { register, last_mj: None, read_at: None, step_mj: 0, between_mj: 0, fall: FallWatch::default() }
     }
 
     /// The energy in millijoules that is to be added. Until the counter makes its next step, that is what the readings of
@@ -194,9 +198,15 @@ impl Counter {
         let unit = if self.register.unit == UnitOfMeasure::MegawattHour { 1000 * MJ_PER_KWH } else { MJ_PER_KWH };
         self.step_mj = unit.unsigned_abs() / scale.unsigned_abs().max(1);
         let now_mj = raw.max(0).unsigned_abs().saturating_mul(self.step_mj);
-        let before_mj = self.last_mj.replace(now_mj);
         let read_before = self.read_at.replace(reading.at);
-        let Some(rise) = now_mj.checked_sub(before_mj?) else { return Some(Rise::NotBelieved) };
+        let Some(known_mj) = self.last_mj else {
+            self.last_mj = Some(now_mj);
+            return None;
+        };
+        // A counter that reads lower may be a wrong reading: nothing is counted until that is clear.
+        let Some(before_mj) = self.fall.base(now_mj, known_mj, reading.at) else { return Some(Rise::NotBelieved) };
+        self.last_mj = Some(now_mj);
+        let Some(rise) = now_mj.checked_sub(before_mj) else { return Some(Rise::NotBelieved) };
         let span_ms = read_before
             .map_or(u64::MAX, |before| u64::try_from(reading.at.since(before).as_millis()).unwrap_or(u64::MAX));
         let most = span_ms.saturating_mul(MJ_PER_MS_MAX).saturating_add(self.step_mj);

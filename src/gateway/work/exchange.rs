@@ -89,7 +89,7 @@ impl DriveWork {
             Rank::Look => {
                 let was_answered = matches!(ending, Ending::Reply(_));
                 match &mut self.latch {
-                    Some(latch) if was_answered => latch.was_looked_at(),
+                    Some(latch) if was_answered => latch.was_looked_at(now),
                     Some(latch) => latch.look_failed(now),
                     None => {}
                 }

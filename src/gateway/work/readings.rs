@@ -44,7 +44,11 @@ impl DriveWork {
                 self.effective(out);
             }
         }
+        if let Some(state) = self.status.take_undocumented() {
+            out.push_back(Effect::Note(self.drive, Note::Undocumented(state)));
+        }
         let output = self.output_register.as_ref().and_then(|register| register.steps(address, words));
+        let output = output.filter(|_| self.impossible_output(address, words).is_none());
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
         }
@@ -73,6 +77,15 @@ impl DriveWork {
     /// The output frequency of the last reading.
     pub(super) fn output_frequency(&self) -> Option<Hertz> {
         self.output_register.as_ref()?.frequency(self.output.raw()?, self.guard.bases())
+    }
+
+    /// The register of the output frequency, if `words` show more there than the drive can do: such a reading proves
+    /// nothing.
+    pub fn impossible_output(&self, address: Address, words: &[u16]) -> Option<Address> {
+        let register = self.output_register.as_ref()?;
+        let shown = register.frequency(register.steps(address, words)?, self.guard.bases())?;
+        let most = self.guard.control().map_or(Hertz::ZERO, |control| control.most).max(register.range());
+        (shown > most.doubled()).then(|| register.address())
     }
 
     /// Whether the drive shows a different direction than when its stop took effect: another master has ordered it to

@@ -335,16 +335,25 @@ pub(in crate::north) fn tried_by(order: &Order) -> Option<Tried> {
     (*order != Order::Renew).then(|| Tried::Order(order.clone()))
 }
 
-/// A frequency outside the limits is refused, and the refusal names the limits.
-pub(in crate::north) fn outside_limits(
+/// A frequency outside the limits is refused, and the refusal names the limits; of one between two steps it names the step.
+pub(in crate::north) fn refused_frequency(
     description: &DriveDescription,
     request: &Request,
     report: Report,
 ) -> Option<String> {
     let control = description.control.as_ref()?;
     let Request::Order(Order::Go(go)) = request else { return None };
-    let frequency = go.frequency().filter(|_| report.reason == Reason::OutsideLimits)?;
-    Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
+    let frequency = go.frequency()?;
+    match report.reason {
+        Reason::OutsideLimits => {
+            Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
+        }
+        Reason::BetweenSteps => {
+            let step = description.model.setpoint_step()?;
+            Some(format!("{frequency} Hz is between the drive's steps of {step} Hz"))
+        }
+        _ => None,
+    }
 }
 
 /// The report on a request that no line has answered.

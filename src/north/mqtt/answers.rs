@@ -9,7 +9,7 @@ use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Repor
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::ValueReading;
-use crate::north::broker::{Pending, Request, outside_limits};
+use crate::north::broker::{Pending, Request, refused_frequency};
 use crate::north::clock::Moment;
 use crate::north::shown::message;
 use serde_json::{Map, Value, json};
@@ -74,7 +74,7 @@ impl Session {
             Request::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             Request::Read(_) => Map::new(),
         };
-        let message = outside_limits(&self.drives[pending.drive], &pending.request, report).or_else(|| {
+        let message = refused_frequency(&self.drives[pending.drive], &pending.request, report).or_else(|| {
             Some(message(&self.drives[pending.drive].model, &report)).filter(|it| it != report.reason.text())
         });
         let own_words = || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);

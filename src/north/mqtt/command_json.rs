@@ -92,7 +92,7 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
         Some(RunWord::Coast) => return Ok(Order::Coast),
         Some(RunWord::Run(_)) | None => {}
     }
-    let frequency = frequency(object)?;
+    let frequency = frequency(object, model.setpoint_step())?;
     let is_reset = only_true(object, "reset")?;
     let registers = registers(object, model)?;
     let has_values = frequency.is_some() || !registers.is_empty();

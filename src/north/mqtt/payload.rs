@@ -4,7 +4,7 @@ use super::command_json;
 use super::params;
 use super::topics::Input;
 use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
-use crate::domain::frequency::Hertz;
+use crate::domain::frequency::{Hertz, decimal};
 use crate::domain::time::MonoTime;
 use crate::north::command_words::{
     RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in, unknown_word, without_mark,
@@ -83,7 +83,7 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<InputRequest
     let order = match input {
         Input::ParamGet(code) => return params::readable(model, code).map(InputRequest::Read),
         Input::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
-        Input::Frequency => frequency_order(text(payload, "such as 42.5")?)?,
+        Input::Frequency => frequency_order(text(payload, "such as 42.5")?, model)?,
         Input::Reset => only(text(payload, "`reset`")?, "reset", Order::Reset)?,
         Input::Take => only(text(payload, "`take`")?, "take", Order::Take)?,
         Input::Release => only(text(payload, "`release`")?, "release", Order::Release)?,
@@ -126,9 +126,10 @@ fn run_order(text: &str) -> Result<Order, Refused> {
     })
 }
 
-fn frequency_order(text: &str) -> Result<Order, Refused> {
+fn frequency_order(text: &str, model: &Model) -> Result<Order, Refused> {
     short_number(text, "42.5")?;
-    let frequency = Hertz::parse(text).map_err(|why| no_frequency(why, "frequency/set", text))?;
+    let frequency = Hertz::parse(text);
+    let frequency = frequency.map_err(|why| no_frequency(why, "frequency/set", text, model.setpoint_step()))?;
     go(Vec::new(), Some(frequency), None)
 }
 
@@ -144,9 +145,7 @@ fn only(text: &str, word: &str, order: Order) -> Result<Order, Refused> {
 fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refused> {
     let text = text(payload, "such as 10.5")?;
     short_number(text, "10.5")?;
-    let is_decimal = text.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
-    let value: Option<f64> = text.parse().ok().filter(|_| is_decimal);
-    let value = value.ok_or_else(|| {
+    let value = decimal(text).ok_or_else(|| {
         Refused::new(
             Reason::NotANumber,
             format!("`{}` is not a number with a decimal point, such as 10.5", short(text)),

@@ -5,6 +5,7 @@ use crate::north::command_words::{
     Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood, object, only_true, run,
     stop_in, without_mark,
 };
+use crate::profile::scale::Decimal;
 use serde_json::{Map, Value};
 
 /// Longest body in bytes: a password and some more.
@@ -26,18 +27,18 @@ pub struct PageCommand {
     pub beside: Option<String>,
 }
 
-/// The wish in `body`. A stop counts whatever else the body contains, and nothing else of that body does.
+/// The wish in `body`, for a drive whose setpoint has this step. A stop counts whatever else the body contains, and nothing else of that body does.
 ///
 /// # Errors
 /// Why it is none.
-pub fn wish(body: &[u8]) -> Result<PageCommand, Refused> {
-    let wish = whole_wish(body);
+pub fn wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> {
+    let wish = whole_wish(body, step);
     let Some(stop) = stop_in(body) else { return wish };
     let order = if stop == RunWord::Coast { Order::Coast } else { Order::Stop { setpoint: None } };
     Ok(PageCommand { takes: false, order: Some(order), beside: wish.err().map(|refused| beside_a_stop(&refused)) })
 }
 
-fn whole_wish(body: &[u8]) -> Result<PageCommand, Refused> {
+fn whole_wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> {
     let object = object(body, EXAMPLE)?;
     known_keys(&object, &KEYS)?;
     keys_stand_once(body, &object)?;
@@ -50,7 +51,7 @@ fn whole_wish(body: &[u8]) -> Result<PageCommand, Refused> {
     if stop.is_some() {
         return Ok(PageCommand { takes: false, order: stop, beside: None });
     }
-    let frequency = frequency(&object)?;
+    let frequency = frequency(&object, step)?;
     let is_reset = only_true(&object, "reset")?;
     let takes = only_true(&object, "take")?;
     let direction = match run {
@@ -110,7 +111,7 @@ mod tests {
             ),
             (r#"{"run": "coast", "frequency_hz": 5}"#, false, Some(Order::Coast)),
         ] {
-            assert_eq!(wish(body.as_bytes()), Ok(PageCommand { takes, order, beside: None }), "{body}");
+            assert_eq!(wish(body.as_bytes(), None), Ok(PageCommand { takes, order, beside: None }), "{body}");
         }
         for body in [
             r#"{"run": "stop", "speed": 3}"#,
@@ -119,7 +120,7 @@ mod tests {
             r#"{"run": "stop""#,
             r#"{"run": "stop"} x"#,
         ] {
-            let wish = wish(body.as_bytes()).expect(body);
+            let wish = wish(body.as_bytes(), None).expect(body);
             assert_eq!((wish.takes, wish.order), (false, Some(Order::Stop { setpoint: None })), "{body}");
             assert!(wish.beside.is_some(), "{body}");
         }
@@ -142,7 +143,7 @@ mod tests {
             (r#"{"frequency_hz": -1}"#, Reason::OutsideLimits),
             (r#"{"frequency_hz": 30.0001}"#, Reason::BetweenSteps),
         ] {
-            assert_eq!(wish(body.as_bytes()).map_err(|refused| refused.reason), Err(reason), "{body}");
+            assert_eq!(wish(body.as_bytes(), None).map_err(|refused| refused.reason), Err(reason), "{body}");
         }
     }
 

@@ -20,7 +20,7 @@ const EXCEPTIONS_PER_MILLE: u64 = 50;
 pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let is_told = match seen.line.suspicion {
-        Some(Suspicion::OneSilent(silent)) => silent == station,
+        Some(Suspicion::OneSilent(silent) | Suspicion::OneUnitSilent(silent)) => silent == station,
         suspicion => suspicion.is_some(),
     };
     let is_silent = drive.now.presence == Presence::Offline && silent(seen, drive).is_none();
@@ -69,7 +69,12 @@ pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> Findin
 
 pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { cut, damaged, .. } = drive.damage;
-    said(seen, drive, Pattern::Cut, || Sentence::new("finding.cut").with("replies", cut).with("damaged", damaged))
+    // A contact that is loose lets some replies through.
+    let is_always = cut == damaged && drive.exchanges.replies + drive.exchanges.exceptions == 0;
+    said(seen, drive, Pattern::Cut, || {
+        let text = Sentence::new(if is_always { "finding.cut_always" } else { "finding.cut" });
+        text.with("replies", cut).with("damaged", damaged)
+    })
 }
 
 pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> FindingText {
@@ -99,7 +104,10 @@ pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
 fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> Sentence) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
     // What is suspected of the whole line already says what to do.
-    let is_told = seen.line.suspicion.is_some_and(|suspicion| !matches!(suspicion, Suspicion::OneSilent(_)));
+    let is_told = seen
+        .line
+        .suspicion
+        .is_some_and(|suspicion| !matches!(suspicion, Suspicion::OneSilent(_) | Suspicion::OneUnitSilent(_)));
     (!is_told && pattern_of(seen, drive) == pattern).then(|| (severity, text()))
 }
 

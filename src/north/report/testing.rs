@@ -164,6 +164,15 @@ fn damage_cases() -> Vec<Case> {
     vec![
         (Sign::FirstCharacters, Problem, "30 of 50", damaged(50, |a| a.damage.head = 30)),
         (Sign::Cut, Problem, "the end of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
+        (
+            Sign::Cut,
+            Problem,
+            "each of 50 replies ends too early",
+            damaged(50, |a| {
+                a.damage.cut = 50;
+                (a.exchanges.replies, a.exchanges.silent) = (0, 1000);
+            }),
+        ),
         (Sign::LongFrames, Problem, "45 of 50", damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45))),
         (Sign::OneStation, Problem, "those of others are not", damaged(50, |_| {})),
         (Sign::Damaged, Problem, "50 of 1000", both(50)),

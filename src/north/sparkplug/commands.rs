@@ -9,7 +9,7 @@ use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::journal::Tried;
-use crate::north::broker::{Message, NewCommand, Pending, Request, Version, outside_limits, tried_by};
+use crate::north::broker::{Message, NewCommand, Pending, Request, Version, refused_frequency, tried_by};
 use crate::north::clock::Moment;
 use crate::north::command_words::{Refused, RunWord, run_word, short};
 use crate::north::shown::message;
@@ -209,7 +209,7 @@ impl Session {
 
     fn tell(&mut self, drive: usize, report: Report, pending: Option<&Pending<()>>) {
         let description = self.drives.get(drive);
-        let limits = pending.zip(description).and_then(|(it, drive)| outside_limits(drive, &it.request, report));
+        let limits = pending.zip(description).and_then(|(it, drive)| refused_frequency(drive, &it.request, report));
         let said = limits.unwrap_or_else(|| match description {
             Some(drive) => message(&drive.model, &report),
             None => report.message(),

@@ -10,6 +10,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::clock::Clock;
 use crate::north::mqtt::Points;
+use crate::profile::scale::Decimal;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -43,6 +44,8 @@ pub(super) struct Device {
     /// The alias of its first metric; the others follow.
     first_alias: u64,
     definitions: Vec<Definition>,
+    /// The step of its drive's setpoint.
+    setpoint_step: Option<Decimal>,
     points: Points,
     /// The content of each metric that was last published or kept.
     held: Vec<Content>,
@@ -68,6 +71,7 @@ impl Device {
             first_alias,
             held: vec![Content::Null; definitions.len()],
             definitions,
+            setpoint_step: drive.model.setpoint_step(),
             points: Points::new(drive),
             is_born: false,
             was_born: false,
@@ -77,6 +81,11 @@ impl Device {
             looked: None,
             gathers_until: MonoTime::ZERO,
         }
+    }
+
+    /// The step of its drive's setpoint in hertz, where that is known.
+    pub(super) const fn setpoint_step(&self) -> Option<Decimal> {
+        self.setpoint_step
     }
 
     /// The alias after those of this device.

@@ -7,6 +7,7 @@ use crate::domain::command::{Direction, Go, Order, Reason};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::nearest;
 use crate::north::command_words::{RUN_EXAMPLE, Refused, RunWord, no_frequency, run_word, short};
+use crate::profile::scale::Decimal;
 
 /// What a message orders.
 #[derive(Debug)]
@@ -89,7 +90,7 @@ fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused
     })?;
     let value = metric.value.as_ref().filter(|_| metric.is_null != Some(true));
     match input {
-        Input::Frequency => frequency(name, value).map(MetricOrder::Frequency).map(Some),
+        Input::Frequency => frequency(name, value, device.setpoint_step()).map(MetricOrder::Frequency).map(Some),
         Input::Run => run(name, value).map(Some),
         Input::Reset => button(name, value, MetricOrder::Reset),
         Input::Take => button(name, value, MetricOrder::Take),
@@ -113,7 +114,7 @@ fn unknown(device: &Device, metric: &Metric) -> Refused {
     Refused::new(Reason::NotUnderstood, message)
 }
 
-fn frequency(name: &str, value: Option<&Value>) -> Result<Hertz, Refused> {
+fn frequency(name: &str, value: Option<&Value>, step: Option<Decimal>) -> Result<Hertz, Refused> {
     let number = match value {
         Some(Value::Double(number)) => *number,
         // The nearest double has digits that were not written.
@@ -125,7 +126,7 @@ fn frequency(name: &str, value: Option<&Value>) -> Result<Hertz, Refused> {
             return Err(Refused::new(Reason::NotANumber, message));
         }
     };
-    Hertz::from_f64(number).map_err(|why| no_frequency(why, name, &number.to_string()))
+    Hertz::from_f64(number).map_err(|why| no_frequency(why, name, &number.to_string(), step))
 }
 
 fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {

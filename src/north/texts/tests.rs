@@ -5,6 +5,7 @@ use crate::domain::command::{Outcome, Owner, Reason, Report};
 use crate::domain::ids::Station;
 use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
+use crate::domain::traffic::HeardFrame;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -74,6 +75,9 @@ fn reasons_suspicions_and_faults_read_as_in_the_log() {
         Suspicion::DrivesAreSlower,
         Suspicion::AlwaysDamaged,
         Suspicion::OneSilent(station),
+        Suspicion::OneUnitSilent(station),
+        Suspicion::NotModbusTcp,
+        Suspicion::WrongReplies { station, request: HeardFrame::of(&[7, 3, 0]), reply: HeardFrame::of(&[7, 4]) },
         Suspicion::DuplicateStation(station),
         Suspicion::LateBeyondLimit(station),
         Suspicion::OtherMaster,

@@ -3,7 +3,7 @@
 use super::keys::{is_polled, once, readable, with_role};
 use crate::domain::problem::Problem;
 use crate::profile::file::{CodeFile, ModelFile, StatusFile};
-use crate::profile::model::Role;
+use crate::profile::model::{ClearWords, Role};
 use crate::profile::register::RegisterFile;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
@@ -16,6 +16,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         flag_can_be_seen(status, &file.registers, problems);
         a_field_is_not_compared_whole(status, &file.registers, problems);
         values_fit_the_mask(status, problems);
+        clear_is_documented(file, status, problems);
     }
     codes_differ(&file.exceptions, |code| format!("exception 0x{code:02X}"), problems);
     let (bits, codes): (Vec<_>, Vec<_>) = file.trips.iter().partition(|trip| trip.is_bit);
@@ -51,10 +52,30 @@ fn a_field_is_not_compared_whole(status: &StatusFile, registers: &[RegisterFile]
 }
 
 fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
-    let (Some(mask), Some(values)) = (status.mask.or(u16::MAX), &status.values) else { return };
-    for Spanned { value, location } in values.value.iter().filter(|value| value.value & !mask != 0) {
+    let Some(mask) = status.mask.or(u16::MAX) else { return };
+    let clear = status.clear.valid().map(|clear| &clear.value);
+    let values = status.values.as_ref().map(|values| &values.value);
+    if let Some(both) =
+        clear.into_iter().flatten().find(|word| values.is_some_and(|it| it.iter().any(|v| v.value == word.value)))
+    {
+        problems.push(
+            both.location.problem(format!("0x{:04X} is one of `values` too", both.value)).right("one of the two"),
+        );
+    }
+    let words = values.into_iter().chain(clear).flatten();
+    for Spanned { value, location } in words.filter(|word| word.value & !mask != 0) {
         let problem = location.problem(format!("0x{value:04X} has bits outside the mask 0x{mask:04X}"));
         problems.push(problem.right(format!("0x{:04X}, or a wider mask", value & mask)));
+    }
+}
+
+/// Some word is known with which the flag is not set: otherwise it could never end.
+fn clear_is_documented(file: &ModelFile, status: &StatusFile, problems: &mut Vec<Problem>) {
+    let (Some(flag), Some(values)) = (status.ready(file), &status.values) else { return };
+    let ClearWords::Named(named) = &flag.clear else { return };
+    if !named.iter().any(|word| word.mask & flag.mask != flag.mask || !flag.holds(word.value)) {
+        let problem = values.location.problem("no word is named with which the flag is not set");
+        problems.push(problem.right("`clear` with such words, or `values` in its register; other words prove nothing"));
     }
 }
 

@@ -160,7 +160,7 @@ impl ModelFile {
             quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(Quirks::default),
             barriers: each(&self.barriers, BarrierFile::ready)?,
             run,
-            status: each(&self.status, |it| it.ready(&self.registers))?,
+            status: each(&self.status, |it| it.ready(self))?,
             trip_codes: each(&self.trips, CodeFile::ready)?,
             warning_codes: each(&self.warnings, CodeFile::ready)?,
             commit: made(&self.commit, |it| it.ready(&self.registers))?.unwrap_or_default(),

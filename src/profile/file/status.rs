@@ -1,8 +1,10 @@
 //! `[[status]]`, `[[trip]]` and `[[exception]]`: status flags, and the texts of trips and exceptions.
 
-use super::facts::{Facts, Origin, filled_with};
-use crate::profile::model::{CodeText, ExceptionKind, Flag, StatusFlag};
-use crate::profile::register::{RegisterFile, address_of};
+use super::ModelFile;
+use super::facts::{FactFile, Facts, Origin, filled_with};
+use crate::domain::address::Address;
+use crate::profile::model::{ClearWords, CodeText, ExceptionKind, Flag, MaskedWord, StatusFlag};
+use crate::profile::register::address_of;
 use crate::profile::words::{EXCEPTION_KINDS, FLAGS};
 use crate::toml_file::values::Kind;
 use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
@@ -14,6 +16,8 @@ pub(in crate::profile) struct StatusFile {
     pub register: RequiredKey<String>,
     pub mask: OptionalKey<u16>,
     pub values: RequiredKey<Vec<Spanned<u16>>>,
+    pub clear: OptionalKey<Vec<Spanned<u16>>>,
+    pub others_clear: Option<FactFile<()>>,
     origin: Option<Origin>,
 }
 
@@ -27,6 +31,8 @@ impl StatusFile {
             values: reader
                 .required_list("values", &word)
                 .and_then(|values| filled_with(values, &word, reader.problems())),
+            clear: reader.list("clear", &word),
+            others_clear: facts.switch(&mut reader, "others_clear"),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -34,17 +40,50 @@ impl StatusFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StatusFlag> {
+    pub(in crate::profile) fn ready(&self, file: &ModelFile) -> Option<StatusFlag> {
         let (confidence, source) = self.origin.clone()?;
-        Some(StatusFlag {
-            flag: self.flag.as_ref()?.value,
-            address: address_of(&self.register.as_ref()?.value, registers)?,
-            mask: self.mask.or(u16::MAX)?,
-            values: self.values.as_ref()?.value.iter().map(|word| word.value).collect(),
-            confidence,
-            source,
-        })
+        let flag = self.flag.as_ref()?.value;
+        let address = address_of(&self.register.as_ref()?.value, &file.registers)?;
+        let mask = self.mask.or(u16::MAX)?;
+        let is_one_bit = mask.is_power_of_two() || address.table().is_of_bits();
+        let others_are_clear = is_one_bit || flag.is_permission() || self.others_clear.is_some();
+        let clear =
+            if others_are_clear { ClearWords::Others } else { ClearWords::Named(named_words(file, address, mask)) };
+        let values = self.values.as_ref()?.value.iter().map(|word| word.value).collect();
+        Some(StatusFlag { flag, address, mask, values, clear, confidence, source })
     }
+
+    /// The words that it names, under its mask; none if it is about another field than the one under `mask` at `address`.
+    fn words_of(&self, file: &ModelFile, address: Address, mask: u16) -> impl Iterator<Item = u16> + '_ {
+        let is_there = self.register.as_ref().and_then(|it| address_of(&it.value, &file.registers)) == Some(address);
+        let values = self.values.as_ref().map(|values| &values.value);
+        let clear = self.clear.valid().map(|clear| &clear.value);
+        let words = values.into_iter().chain(clear).flatten().map(|word| word.value);
+        words.filter(move |_| is_there && self.mask.or(u16::MAX) == Some(mask))
+    }
+}
+
+/// The words of the field under `mask` at `address` that the file names: as values of its flags or as clear ones, as
+/// meanings of its register, and as states of the drive.
+fn named_words(file: &ModelFile, address: Address, mask: u16) -> Vec<MaskedWord> {
+    let of_flags = file.status.iter().flat_map(|it| it.words_of(file, address, mask));
+    let of_flags = of_flags.map(|value| MaskedWord { mask, value });
+    let here = file.registers.iter().filter(|it| it.place().is_some_and(|place| place.value == address));
+    let of_register = here.filter_map(|register| {
+        let field = register.form.mask.valid().map_or(u16::MAX, |mask| mask.value);
+        // The meanings of a whole word say nothing about a part of it.
+        (mask & field == field).then(|| {
+            register.meaning_words().map(move |code| MaskedWord {
+                mask: field,
+                value: code.checked_shl(field.trailing_zeros()).unwrap_or_default() & field,
+            })
+        })
+    });
+    let states = file.run.valid().map_or(&[][..], |run| &run.value.states);
+    let of_states = states.iter().filter_map(|state| state.ready(&file.registers));
+    let of_states = of_states.filter(|state| state.address == address);
+    let of_states = of_states.map(|state| MaskedWord { mask: state.mask, value: state.value });
+    of_flags.chain(of_register.flatten()).chain(of_states).collect()
 }
 
 /// The highest bit of two words.

@@ -33,8 +33,12 @@ pub use read::{Boundary, Holes, ReadArea, ReadLimits};
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
 pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
 pub use start::{Start, StartCondition, StartStep};
-pub use status::{Barrier, BarrierRead, CodeText, ExceptionKind, Flag, MaskedText, Quirks, StateText, StatusFlag};
+pub use status::{
+    Barrier, BarrierRead, ClearWords, CodeText, ExceptionKind, Flag, MaskedText, MaskedWord, Quirks, StateText,
+    StatusFlag,
+};
 
+use super::scale::{Decimal, digits_of};
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
 use crate::domain::link::Framing;
@@ -298,6 +302,14 @@ impl Model {
         readable(Role::FrequencySetting).or_else(|| readable(Role::FrequencyCommand))
     }
 
+    /// The step of its setpoint in hertz; `None` where that is no decimal fraction, or it has none.
+    #[must_use]
+    pub fn setpoint_step(&self) -> Option<Decimal> {
+        let register = self.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
+        let digits = digits_of(register.scale);
+        Some(Decimal::nearest(1, register.scale.into(), digits))
+    }
+
     /// The location of `flag`.
     #[must_use]
     pub fn status_flag(&self, flag: Flag) -> Option<&StatusFlag> {
@@ -311,6 +323,15 @@ impl Model {
         let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.readable_at(flag.address));
         let code = || self.register_for(Role::TripCode).or_else(|| self.register_for(Role::TripBits));
         flagged.or_else(code).or_else(|| self.register_for(Role::TripCount))
+    }
+
+    /// Whether run state, standstill or trips are read at `address`: without it stops and trips are seen later, or not.
+    #[must_use]
+    pub fn is_essential(&self, address: Address) -> bool {
+        let output = self.register_for(Role::OutputFrequency).map(|register| register.address);
+        let trips = self.trip_register().map(|register| register.address);
+        let mut flags = self.status.iter().filter(|flag| !flag.flag.is_permission()).map(|flag| flag.address);
+        output == Some(address) || trips == Some(address) || flags.any(|flag| flag == address)
     }
 
     /// Whether the drive serves `function`.

@@ -25,6 +25,14 @@ pub enum Flag {
     BusFrequency,
 }
 
+impl Flag {
+    /// Whether it only ever permits an order: a word that no document names then permits nothing, and is as good as clear.
+    #[must_use]
+    pub const fn is_permission(self) -> bool {
+        matches!(self, Self::Ready | Self::BusRun | Self::BusFrequency)
+    }
+}
+
 /// The location of a flag: it is set if the masked word is one of the values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatusFlag {
@@ -36,6 +44,8 @@ pub struct StatusFlag {
     pub mask: u16,
     /// The masked words for which it is set.
     pub values: Vec<u16>,
+    /// The words for which it is not set.
+    pub clear: ClearWords,
     /// Confidence.
     pub confidence: Confidence,
     /// Document and place.
@@ -43,11 +53,46 @@ pub struct StatusFlag {
 }
 
 impl StatusFlag {
-    /// Whether the flag is set if its register holds `word`.
+    /// Whether `word` in its register is one that sets the flag.
     #[must_use]
     pub fn holds(&self, word: u16) -> bool {
         self.values.contains(&(word & self.mask))
     }
+
+    /// Whether the flag is set if its register holds `word`; `None` for a word that no document names: it proves nothing.
+    #[must_use]
+    pub fn reads(&self, word: u16) -> Option<bool> {
+        if self.holds(word) { Some(true) } else { self.clear.names(word).then_some(false) }
+    }
+}
+
+/// The words of which a document says that a flag is not set.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ClearWords {
+    /// Every word that does not set it.
+    Others,
+    /// Those that match one of these.
+    Named(Vec<MaskedWord>),
+}
+
+impl ClearWords {
+    /// Whether `word` is one of them, unless it sets the flag.
+    #[must_use]
+    pub fn names(&self, word: u16) -> bool {
+        match self {
+            Self::Others => true,
+            Self::Named(known) => known.iter().any(|known| word & known.mask == known.value),
+        }
+    }
+}
+
+/// Every word that has this value under the mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MaskedWord {
+    /// The relevant bits.
+    pub mask: u16,
+    /// The masked word.
+    pub value: u16,
 }
 
 /// A trip or an exception: its number and the vendor's text.

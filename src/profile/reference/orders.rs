@@ -261,6 +261,15 @@ pub(super) const STATES: &[Section] = &[
             ("register", "", "The name of the register, which is polled."),
             ("mask", "the whole word", "The bits that count."),
             ("values", "", "The masked words with which the state holds."),
+            (
+                "clear",
+                "",
+                "Masked words with which it does not hold, beside the `values` of the other states of the same bits, the \
+                 `values` of the register and `[[run.state]]`. Of a single bit, and of `ready`, `bus-run` and \
+                 `bus-frequency`, all other words count as such. A word that is named nowhere proves nothing: it ends no \
+                 stop and clears no trip.",
+            ),
+            ("others_clear", "no", "A document says that it does not hold with any other word."),
         ],
     },
     Section {

@@ -2,7 +2,7 @@
 
 use super::layout::{Row, choice, list, row};
 use crate::domain::address::Address;
-use crate::profile::model::{CodeRule, CodeText, Model, Register, Role, Whole};
+use crate::profile::model::{ClearWords, CodeRule, CodeText, MaskedWord, Model, Register, Role, StatusFlag, Whole};
 use crate::profile::scale::Scaled;
 use crate::profile::words::{FLAGS, POLL_CLASSES};
 use crate::toml_file::values::duration_text;
@@ -161,9 +161,24 @@ pub(super) fn status(model: &Model) -> Vec<Row> {
             mask => format!("{name} & 0x{mask:04X} = {}", choice(status.values.iter().map(|it| format!("0x{it:04X}")))),
         };
         let flag = word_for(&FLAGS, &status.flag).to_owned();
+        let condition = format!("{condition}{}", clear_words(status));
         vec![flag, condition, status.confidence.word().to_owned(), status.source.clone()]
     });
     rows.collect()
+}
+
+/// The words that are named as not setting a flag, unless all others are.
+fn clear_words(status: &StatusFlag) -> String {
+    let ClearWords::Named(named) = &status.clear else { return String::new() };
+    let mut words: Vec<_> = named.iter().filter(|word| !status.holds(word.value)).collect();
+    words.sort_unstable_by_key(|word| (word.mask, word.value));
+    words.dedup();
+    let text = |word: &&MaskedWord| match word.mask {
+        mask if mask != status.mask => format!("& 0x{mask:04X} = 0x{:04X}", word.value),
+        u16::MAX => word.value.to_string(),
+        _ => format!("0x{:04X}", word.value),
+    };
+    format!("; not with {}", choice(words.iter().map(text)))
 }
 
 pub(super) fn trips(model: &Model) -> Vec<Row> {

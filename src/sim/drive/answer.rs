@@ -4,6 +4,7 @@ use super::SimDrive;
 use super::back_door::BackDoor;
 use super::denied::{Denied, Objection};
 use super::memory::{AddressForm, MemoryAddress, following, index_in_ram, index_of, place_of};
+use super::untrue::Shows;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role};
@@ -127,11 +128,19 @@ impl SimDrive {
         let words = &mut words[..usize::from(count)];
         let mut next = Some(first);
         for word in words.iter_mut() {
-            let readable = next.and_then(|address| self.readable(at, address, exchange).or_else(|| self.hole(address)));
+            let readable = next.and_then(|address| match self.untrue.at(address) {
+                Shows::Truth => self.readable(at, address, exchange).or_else(|| self.hole(address)),
+                Shows::Word(word) => Some(word),
+                Shows::Nothing => None,
+            });
             *word = readable.ok_or(Denied::Request(Objection::Address))?;
             next = next.and_then(|address| following(address, is_decimal));
         }
-        pdu::encode_read_reply(out, first.table(), words);
+        if self.untrue.is_too_long(first) {
+            pdu::encode_read_reply(out, first.table(), &[&*words, &[0]].concat());
+        } else {
+            pdu::encode_read_reply(out, first.table(), words);
+        }
         Ok(())
     }
 

@@ -15,6 +15,7 @@
 //! | `watchdog` | the reaction to a silent bus |
 //! | `encode` | values of more than one word with a scale |
 //! | `back_door` | other ways to the motor |
+//! | `untrue` | readings that are not so, and reads that are refused |
 //! | `elsewhere` | actions from outside the line, and the true state of the motor |
 
 mod answer;
@@ -33,6 +34,7 @@ mod start;
 mod status;
 #[cfg(test)]
 mod tests;
+mod untrue;
 mod watchdog;
 
 use super::motor::Motor;
@@ -48,6 +50,7 @@ use memory::{Memory, MemoryAddress, index_of, time};
 use start::Readiness;
 use std::sync::Arc;
 use std::time::Duration;
+use untrue::UntrueReads;
 
 /// One drive with its motor. Moments passed to it may be equal but never go back.
 ///
@@ -79,6 +82,7 @@ pub struct SimDrive {
     last_heard: MonoTime,
     /// Its watchdog has acted since then.
     has_expired: bool,
+    untrue: UntrueReads,
     report: DriveReport,
 }
 
@@ -106,6 +110,7 @@ impl SimDrive {
             deaf_until: MonoTime::ZERO,
             last_heard: MonoTime::ZERO,
             has_expired: false,
+            untrue: UntrueReads::default(),
             report: DriveReport::default(),
         };
         if !drive.is_run_from_bus() {

@@ -3,7 +3,7 @@
 use super::SimDrive;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Flag, StatusFlag};
+use crate::profile::model::{ClearWords, Flag, MaskedWord, StatusFlag};
 
 /// From the weakest to the strongest: if two share bits, the later one is shown.
 const FLAGS: [Flag; 8] = [
@@ -55,11 +55,23 @@ fn shown(word: u16, flag: &StatusFlag) -> u16 {
     (word & !flag.mask) | flag.values.first().copied().unwrap_or_default()
 }
 
-/// `word` with `flag` cleared, by the smallest change of a bit that leaves the set flags unchanged.
+/// `word` with `flag` cleared, by a word that documents name, or by the smallest change of a bit, so that the set flags are
+/// unchanged.
 fn hidden(word: u16, flag: &StatusFlag, told: &[(&StatusFlag, bool)]) -> u16 {
+    let is_clear = |word: u16| flag.reads(word) == Some(false);
+    if is_clear(word) {
+        return word;
+    }
     let bits = (0..16).map(|bit| 1 << bit).filter(|bit| flag.mask & bit != 0);
-    let others = std::iter::once(word & !flag.mask).chain(bits.map(|bit| word ^ bit));
-    let is_right =
-        |word: &u16| !flag.holds(*word) && told.iter().filter(|(_, is_so)| *is_so).all(|(it, _)| it.holds(*word));
-    if flag.holds(word) { others.into_iter().find(is_right).unwrap_or(word) } else { word }
+    let named: &[MaskedWord] = match &flag.clear {
+        ClearWords::Others => &[],
+        ClearWords::Named(named) => named.as_slice(),
+    };
+    let named = named.iter().map(|it| (word & !it.mask) | it.value);
+    let others: Vec<_> = std::iter::once(word & !flag.mask).chain(bits.map(|bit| word ^ bit)).chain(named).collect();
+    let agrees = |word: u16, (it, is_so): &(&StatusFlag, bool)| it.reads(word) == Some(*is_so);
+    let keeps = |word: u16| told.iter().filter(|(_, is_so)| *is_so).all(|(it, _)| it.holds(word));
+    let all_agree = others.iter().find(|word| told.iter().all(|it| agrees(**word, it)));
+    let is_right = || others.iter().find(|word| is_clear(**word) && keeps(**word));
+    all_agree.or_else(is_right).copied().unwrap_or(word)
 }

@@ -14,6 +14,7 @@ use crate::journal::Tried;
 use crate::north::command_words::{Refused, stop_in};
 use crate::north::operator::body::{PageCommand, is_empty, wish};
 use crate::north::shown;
+use crate::north::texts::Sentence;
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -56,7 +57,7 @@ pub(super) async fn command(
         keep(Reason::NotAllowed);
         return not_allowed(drive);
     }
-    match wish(&body) {
+    match wish(&body, drive.description.model.setpoint_step()) {
         Ok(mut wish) => {
             if !is_allowed {
                 // What stands beside the stop is not this user's to order.
@@ -206,6 +207,12 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told["said"] = shown::said(&drive.description.model, &report).document();
+    let step = drive.description.model.setpoint_step().filter(|_| report.reason == Reason::BetweenSteps);
+    if let Some(step) = step {
+        let said = Sentence::new("reason.between_steps_of").with("step", step.to_string());
+        told["message"] = said.to_string().into();
+        told["said"] = said.document();
+    }
     told
 }
 

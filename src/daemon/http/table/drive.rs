@@ -140,6 +140,9 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
         },
     )
     .in_unit("seconds"),
+    gauge("drive_registers_refused", "Polled registers that the drive refuses to show.", |view| {
+        u32::try_from(view.refused.len()).ok().map(f64::from)
+    }),
     gauge("drive_start_inhibited", "1 while RUN needs a stop and a new run command first.", |view| {
         of_control(view, |control| control.start_inhibited)
     }),

@@ -36,6 +36,19 @@ impl Drive<'_> {
         if let Some(warning) = warning_text(description, self.view, now) {
             said.say(Sign::Warns, warns(warning));
         }
+        if let Some(state) = self.view.status.undocumented.filter(|_| self.view.is_online()) {
+            let text = Sentence::new("finding.undocumented_state").with("register", state.address.to_string());
+            said.say(Sign::UndocumentedState, text.with("value", u64::from(state.word)));
+        }
+        for refused in self.view.refused.iter().filter(|_| self.view.is_online()) {
+            let model = &description.model;
+            let name = model.register_at(refused.address).map_or_else(String::new, |register| register.title.clone());
+            let text = Sentence::new("finding.register_refused").with("register", refused.address.to_string());
+            let is_essential = model.is_essential(refused.address);
+            let severity = if is_essential { Severity::Problem } else { Sign::RegisterRefused.severity() };
+            let code = format!("{:02X}", refused.code);
+            said.say_graded(severity, Sign::RegisterRefused, text.with("name", name).with("code", code));
+        }
         if let Some(settings) = &description.control {
             self.obedience(&mut said, interface, now);
             self.setpoint_limits(&mut said, settings, now);

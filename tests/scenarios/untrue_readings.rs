@@ -1,0 +1,116 @@
+//! What a drive shows for a moment and cannot be so is not believed: no trip, no sum and no order follows from it.
+
+use crate::support::families::{accepting, model_with, rig_of};
+use crate::support::{MQTT, Rig, model, run};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, RunIntent};
+use vfd_gateway::domain::ids::Station;
+use vfd_gateway::drive::view::{RunState, TripEventKind};
+use vfd_gateway::profile::model::Role;
+use vfd_gateway::sim::SimDrive;
+
+const SECOND: Duration = Duration::from_secs(1);
+
+fn drive(rig: &mut Rig) -> &mut SimDrive {
+    rig.bus.drive_mut(Station(1)).unwrap()
+}
+
+/// A drive that has tripped five times before it was first seen, and runs at 30 Hz.
+fn running(id: &str) -> Rig {
+    let mut rig = rig_of(&model(id), accepting());
+    let now = rig.now;
+    for cause in [1, 2, 3, 4, 5] {
+        drive(&mut rig).trip(now, cause);
+        drive(&mut rig).clear_trip(now, None);
+    }
+    rig.live(SECOND * 5);
+    rig.trips.clear();
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 12);
+    rig
+}
+
+/// Plays reads of `word` for some time, and then a true trip.
+fn for_a_while(rig: &mut Rig, word: u16, time: Duration) {
+    let before = rig.view(0).usage.totals;
+    let count = rig.view(0).trip.count;
+    assert_eq!(count, Some(5));
+    drive(rig).shows_everywhere(word);
+    rig.live(time);
+    drive(rig).shows_the_truth();
+    rig.live(SECOND * 20);
+    let told = format!("0x{word:04X} for {time:?}");
+    assert!(rig.trips.is_empty(), "{told}: {:?}", rig.trips);
+    assert_eq!((rig.view(0).trip.count, rig.view(0).usage.totals.trips), (count, before.trips), "{told}");
+    let view = rig.view(0);
+    assert_eq!((view.control.unwrap().intent, view.run_state), (RunIntent::Run(Direction::Forward), RunState::Forward));
+    assert_eq!(view.usage.totals.starts, before.starts, "{told}");
+}
+
+#[test]
+fn zeros_or_ones_for_a_moment_are_no_trips() {
+    for word in [0, u16::MAX] {
+        for time in [SECOND, SECOND * 2] {
+            let mut rig = running("hyundai-n700");
+            for_a_while(&mut rig, word, time);
+            let now = rig.now;
+            drive(&mut rig).trip(now, 7);
+            rig.live(SECOND * 5);
+            let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
+            assert!(matches!(event.kind, TripEventKind::Tripped { trips: 1, .. }), "{event:?}");
+        }
+    }
+}
+
+#[test]
+fn a_count_that_was_cleared_at_the_drive_is_believed_after_ten_seconds() {
+    let mut rig = running("hyundai-n700");
+    let count = model("hyundai-n700").register_for(Role::TripCount).unwrap().address;
+    drive(&mut rig).shows_at(count, 0);
+    rig.live(SECOND * 8);
+    assert_eq!((rig.view(0).trip.count, rig.trips.len()), (Some(5), 0));
+    rig.live(SECOND * 8);
+    assert_eq!((rig.view(0).trip.count, rig.trips.len()), (Some(0), 0));
+    drive(&mut rig).shows_at(count, 1);
+    rig.live(SECOND * 5);
+    assert_eq!(rig.trips.len(), 1, "it counts on from there");
+}
+
+#[test]
+fn an_energy_counter_that_falls_for_a_moment_adds_nothing() {
+    // In tenths of a kilowatt hour, so little that a drive could have used it all at once.
+    let model = model("invertek-optidrive-e3");
+    let energy = model.register_for(Role::Energy).unwrap().address;
+    let mut rig = rig_of(&model, accepting());
+    drive(&mut rig).shows_at(energy, 1);
+    rig.live(SECOND * 30);
+    let before = rig.view(0).usage.totals.energy_mj;
+    for _ in 0..5 {
+        drive(&mut rig).shows_at(energy, 0);
+        rig.live(SECOND * 5);
+        drive(&mut rig).shows_at(energy, 1);
+        rig.live(SECOND * 5);
+    }
+    assert_eq!(rig.view(0).usage.totals.energy_mj, before);
+}
+
+#[test]
+fn an_output_beyond_twice_the_range_is_no_reading() {
+    let model = model_with("teco-e510", |model| {
+        let command = model.registers.iter_mut().find(|it| it.role == Some(Role::FrequencyCommand)).unwrap();
+        command.range = Some(0..=30_000);
+    });
+    let output = model.register_for(Role::OutputFrequency).unwrap().address;
+    let mut rig = rig_of(&model, accepting());
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 12);
+    let shown = |rig: &Rig| rig.view(0).snapshot.reading(output).map(|reading| reading.raw);
+    assert!(shown(&rig).is_some());
+    drive(&mut rig).shows_at(output, 65_000);
+    rig.live(SECOND * 5);
+    let told = (shown(&rig), rig.view(0).run_state);
+    drive(&mut rig).shows_the_truth();
+    rig.live(SECOND * 5);
+    assert!(shown(&rig).is_some());
+    assert_eq!(told, (None, RunState::Forward));
+}
