@@ -22,7 +22,7 @@ pub fn run(bytes: &[u8]) {
 
 fn bodies(bytes: &[u8]) {
     let said = || serde_json::from_slice::<Value>(bytes).expect("what is taken is JSON");
-    if let Ok(wish) = wish(bytes) {
+    if let Ok(wish) = wish(bytes, None) {
         // A stop is accepted whatever accompanies it, JSON or not.
         if wish.beside.is_some() {
             assert!(wish.order.is_some_and(|order| order.is_stop()) && !wish.takes, "{bytes:?}");
