@@ -25,7 +25,11 @@ impl OutputRegister {
         let command = model.register_for(Role::FrequencyCommand).filter(|it| it.is_exact());
         let range = command.and_then(|it| it.magnitude((*it.range.as_ref()?.end()).into(), |_| None));
         let range = range.unwrap_or(RANGE_UNSTATED);
-        model.register_for(Role::OutputFrequency).cloned().map(|register| Self { register, range })
+        model.register_for(Role::OutputFrequency).cloned().map(|register| {
+            // What its steps are, another register says.
+            let is_known = register.form.scale_by.is_none();
+            Self { register, range: if is_known { range } else { Hertz::from_millihertz(u32::MAX) } }
+        })
     }
 
     /// Where it is.

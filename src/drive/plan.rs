@@ -140,6 +140,7 @@ impl PollPlan {
     /// What was refused is asked again: the drive may be another one, or set in another way.
     fn ask_refused(&mut self, now: MonoTime) {
         for entry in self.entries.iter_mut().filter(|entry| entry.refused.is_some()) {
+            entry.regular = entry.regular.min(now);
             entry.due = entry.due.min(now);
         }
     }

@@ -34,6 +34,7 @@ pub mod roll_call;
 pub mod schedule;
 pub mod standby;
 pub mod station;
+mod stray;
 pub mod timeouts;
 pub mod timing;
 pub mod transaction;

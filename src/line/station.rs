@@ -2,6 +2,7 @@
 
 use super::exchange::answers;
 use super::quiet::Quiet;
+pub use super::stray::Stray;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, RefusedWrite};
 use crate::wire::pdu::Request;
@@ -36,19 +37,6 @@ pub struct Missing {
     pub sent_at: MonoTime,
     /// After this moment the reply can no longer arrive.
     pub until: MonoTime,
-}
-
-/// A sound frame of a station that answers no open request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stray {
-    /// A missing reply.
-    Explained,
-    /// A reply later than the maximum lateness: the time since its request.
-    BeyondLimit(Duration),
-    /// An excess reply, or a reply to another master: the time since the newest request.
-    TooMany(Duration),
-    /// The first frame after a request, and not its reply. If none follows, the drive answers in the wrong form.
-    WrongForm(Duration),
 }
 
 /// The line's state of one station.

@@ -1,6 +1,6 @@
 //! Conversion between raw words of a register and values in its unit, exact in decimal.
 
-use super::model::Register;
+use super::model::{Model, Register, Role};
 use std::fmt;
 
 /// A value as the drive holds it: `raw / scale`, kept as two integers.
@@ -126,6 +126,13 @@ pub fn digits_of(scale: u32) -> u8 {
     const MOST: u8 = 4;
     let digits = scale.checked_ilog10().unwrap_or(0);
     if 10_u32.pow(digits) == scale { u8::try_from(digits).unwrap_or(MOST) } else { MOST }
+}
+
+/// The step of the setpoint of drives of `model`, in hertz; `None` where that is no decimal fraction, or there is none.
+#[must_use]
+pub fn setpoint_step(model: &Model) -> Option<Decimal> {
+    let register = model.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
+    Some(Decimal::nearest(1, register.scale.into(), digits_of(register.scale)))
 }
 
 /// Why a value has no raw word.

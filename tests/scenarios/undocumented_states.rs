@@ -52,13 +52,15 @@ fn it_ends_no_stop_of_any_model() {
         for (address, word) in words {
             let mut rig = running(model);
             // It acknowledges the stop, and turns on.
-            let output = model.register_for(Role::OutputFrequency).expect("it shows its output").address;
-            let held = rig.view(0).snapshot.reading(output).expect("it was read").raw;
-            drive(&mut rig).shows_at(output, held);
+            let output = model.register_for(Role::OutputFrequency).expect("it shows its output");
+            for part in output.address.onwards().take(output.form.words().into()) {
+                let held = rig.view(0).snapshot.reading(part).expect("it was read").raw;
+                drive(&mut rig).shows_at(part, held);
+            }
             drive(&mut rig).shows_at(address, word);
             rig.live(SECOND * 3);
             let state = rig.view(0).run_state;
-            assert!(matches!(state, RunState::Forward | RunState::Running), "0x{word:04X}: {state:?}");
+            assert!(state.is_running(), "0x{word:04X}: {state:?}");
             let ticket = rig.command(MQTT, 0, STOP);
             rig.live(SECOND * 12);
             let confirmed = rig.told(ticket).iter().any(|(outcome, ..)| *outcome == Outcome::Confirmed);

@@ -3,7 +3,7 @@
 use crate::support::families::{accepting, model_with, rig_of};
 use crate::support::{MQTT, Rig, model, run};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, RunIntent};
+use vfd_gateway::domain::command::{Direction, Order, RunIntent};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
 use vfd_gateway::profile::model::Role;
@@ -23,6 +23,8 @@ fn running(id: &str) -> Rig {
         drive(&mut rig).trip(now, cause);
         drive(&mut rig).clear_trip(now, None);
     }
+    rig.live(SECOND * 5);
+    rig.commanded(MQTT, Order::Reset);
     rig.live(SECOND * 5);
     rig.trips.clear();
     rig.commanded(MQTT, run(Direction::Forward, Some(3000)));

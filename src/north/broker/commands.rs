@@ -8,6 +8,7 @@ use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::{Attempt, AttemptId, Tried};
+use crate::profile::scale::setpoint_step;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -349,7 +350,7 @@ pub(in crate::north) fn refused_frequency(
             Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
         }
         Reason::BetweenSteps => {
-            let step = description.model.setpoint_step()?;
+            let step = setpoint_step(&description.model)?;
             Some(format!("{frequency} Hz is between the drive's steps of {step} Hz"))
         }
         _ => None,

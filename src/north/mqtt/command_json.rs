@@ -8,6 +8,7 @@ use crate::north::command_words::{
     only_true, run, short, stop_in,
 };
 use crate::profile::model::Model;
+use crate::profile::scale::setpoint_step;
 use serde_json::{Map, Value};
 use std::time::Duration;
 
@@ -92,7 +93,7 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
         Some(RunWord::Coast) => return Ok(Order::Coast),
         Some(RunWord::Run(_)) | None => {}
     }
-    let frequency = frequency(object, model.setpoint_step())?;
+    let frequency = frequency(object, setpoint_step(model))?;
     let is_reset = only_true(object, "reset")?;
     let registers = registers(object, model)?;
     let has_values = frequency.is_some() || !registers.is_empty();

@@ -11,6 +11,7 @@ use crate::north::command_words::{
 };
 pub(super) use crate::north::command_words::{Refused, short};
 use crate::profile::model::Model;
+use crate::profile::scale::setpoint_step;
 use serde_json::Value;
 use std::time::Duration;
 
@@ -129,7 +130,7 @@ fn run_order(text: &str) -> Result<Order, Refused> {
 fn frequency_order(text: &str, model: &Model) -> Result<Order, Refused> {
     short_number(text, "42.5")?;
     let frequency = Hertz::parse(text);
-    let frequency = frequency.map_err(|why| no_frequency(why, "frequency/set", text, model.setpoint_step()))?;
+    let frequency = frequency.map_err(|why| no_frequency(why, "frequency/set", text, setpoint_step(model)))?;
     go(Vec::new(), Some(frequency), None)
 }
 

@@ -10,7 +10,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::clock::Clock;
 use crate::north::mqtt::Points;
-use crate::profile::scale::Decimal;
+use crate::profile::scale::{Decimal, setpoint_step};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -71,7 +71,7 @@ impl Device {
             first_alias,
             held: vec![Content::Null; definitions.len()],
             definitions,
-            setpoint_step: drive.model.setpoint_step(),
+            setpoint_step: setpoint_step(&drive.model),
             points: Points::new(drive),
             is_born: false,
             was_born: false,

@@ -38,7 +38,6 @@ pub use status::{
     StatusFlag,
 };
 
-use super::scale::{Decimal, digits_of};
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
 use crate::domain::link::Framing;
@@ -300,14 +299,6 @@ impl Model {
     pub fn setting_register(&self) -> Option<&Register> {
         let readable = |role| self.register_for(role).filter(|register| register.access.can_read());
         readable(Role::FrequencySetting).or_else(|| readable(Role::FrequencyCommand))
-    }
-
-    /// The step of its setpoint in hertz; `None` where that is no decimal fraction, or it has none.
-    #[must_use]
-    pub fn setpoint_step(&self) -> Option<Decimal> {
-        let register = self.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
-        let digits = digits_of(register.scale);
-        Some(Decimal::nearest(1, register.scale.into(), digits))
     }
 
     /// The location of `flag`.

@@ -4,6 +4,7 @@
 use super::SimDrive;
 use super::control::sign;
 use super::memory::index_of;
+use super::untrue::UntrueReads;
 use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
@@ -87,5 +88,30 @@ impl SimDrive {
         };
         let stop = self.model.order(OrderKind::Stop);
         is_refused && stop.is_some_and(|(register, fact)| register == address && fact.value == value)
+    }
+
+    /// From now on reads of `address` show `word`, whatever is so. Nothing else changes.
+    pub fn shows_at(&mut self, address: Address, word: u16) {
+        self.untrue.single.insert(address, Some(word));
+    }
+
+    /// From now on reads of `address` are refused, and each read that covers it.
+    pub fn refuses_at(&mut self, address: Address) {
+        self.untrue.single.insert(address, None);
+    }
+
+    /// From now on reads that begin at `address` are answered with a word more than they ask for.
+    pub const fn answers_too_long_at(&mut self, address: Address) {
+        self.untrue.too_long_at = Some(address);
+    }
+
+    /// From now on all reads show `word`.
+    pub const fn shows_everywhere(&mut self, word: u16) {
+        self.untrue.everywhere = Some(word);
+    }
+
+    /// From now on reads show again what is so.
+    pub fn shows_the_truth(&mut self) {
+        self.untrue = UntrueReads::default();
     }
 }

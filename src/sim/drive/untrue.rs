@@ -1,7 +1,6 @@
 //! A drive that does not show what is so: registers that hold a foreign word, a memory that reads as one word everywhere,
 //! registers whose reads are refused, and replies that are too long.
 
-use super::SimDrive;
 use crate::domain::address::Address;
 use std::collections::BTreeMap;
 
@@ -9,11 +8,11 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default)]
 pub(super) struct UntrueReads {
     /// Everywhere.
-    everywhere: Option<u16>,
+    pub(super) everywhere: Option<u16>,
     /// At single addresses; `None` refuses the read.
-    single: BTreeMap<Address, Option<u16>>,
+    pub(super) single: BTreeMap<Address, Option<u16>>,
     /// Reads from here on are answered with a word too many.
-    too_long_at: Option<Address>,
+    pub(super) too_long_at: Option<Address>,
 }
 
 /// What a read of one address shows.
@@ -39,32 +38,5 @@ impl UntrueReads {
             (Some(None), _) => Shows::Nothing,
             (None, None) => Shows::Truth,
         }
-    }
-}
-
-impl SimDrive {
-    /// From now on reads of `address` show `word`, whatever is so. Nothing else changes.
-    pub fn shows_at(&mut self, address: Address, word: u16) {
-        self.untrue.single.insert(address, Some(word));
-    }
-
-    /// From now on reads of `address` are refused, and each read that covers it.
-    pub fn refuses_at(&mut self, address: Address) {
-        self.untrue.single.insert(address, None);
-    }
-
-    /// From now on reads that begin at `address` are answered with a word more than they ask for.
-    pub const fn answers_too_long_at(&mut self, address: Address) {
-        self.untrue.too_long_at = Some(address);
-    }
-
-    /// From now on all reads show `word`.
-    pub const fn shows_everywhere(&mut self, word: u16) {
-        self.untrue.everywhere = Some(word);
-    }
-
-    /// From now on reads show again what is so.
-    pub fn shows_the_truth(&mut self) {
-        self.untrue = UntrueReads::default();
     }
 }

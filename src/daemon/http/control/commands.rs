@@ -15,6 +15,7 @@ use crate::north::command_words::{Refused, stop_in};
 use crate::north::operator::body::{PageCommand, is_empty, wish};
 use crate::north::shown;
 use crate::north::texts::Sentence;
+use crate::profile::scale::setpoint_step;
 use axum::extract::{Path, Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -57,7 +58,7 @@ pub(super) async fn command(
         keep(Reason::NotAllowed);
         return not_allowed(drive);
     }
-    match wish(&body, drive.description.model.setpoint_step()) {
+    match wish(&body, setpoint_step(&drive.description.model)) {
         Ok(mut wish) => {
             if !is_allowed {
                 // What stands beside the stop is not this user's to order.
@@ -207,7 +208,7 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told["said"] = shown::said(&drive.description.model, &report).document();
-    let step = drive.description.model.setpoint_step().filter(|_| report.reason == Reason::BetweenSteps);
+    let step = setpoint_step(&drive.description.model).filter(|_| report.reason == Reason::BetweenSteps);
     if let Some(step) = step {
         let said = Sentence::new("reason.between_steps_of").with("step", step.to_string());
         told["message"] = said.to_string().into();
