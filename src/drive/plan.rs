@@ -188,7 +188,15 @@ impl PollPlan {
             self.read_apart(now);
             return None;
         }
-        let names_registers = matches!(code, exception::ILLEGAL_DATA_ADDRESS | exception::ILLEGAL_DATA_VALUE);
+        // Vendors have codes of their own for what 02 and 03 say; these say something else.
+        let names_registers = !matches!(
+            code,
+            exception::ILLEGAL_FUNCTION
+                | exception::SERVER_DEVICE_FAILURE
+                | exception::SERVER_DEVICE_BUSY
+                | exception::GATEWAY_PATH_UNAVAILABLE
+                | exception::GATEWAY_TARGET_FAILED
+        );
         if !names_registers || self.last != Some((address, count)) {
             self.was_in_vain(address, count, now);
             return None;

@@ -35,10 +35,10 @@ fn refusals(rig: &Rig) -> u64 {
 
 #[test]
 fn its_neighbours_are_read_all_the_same() {
-    for (id, number) in [("frecon-fr500a", 0x3007), ("teco-e510", 0x2527)] {
+    for (id, number, code) in [("frecon-fr500a", 0x3007, ADDRESS), ("teco-e510", 0x2527, 0x52)] {
         let model = model(id);
         let address = Address::holding(number);
-        let refused = RefusedRegister { address, code: ADDRESS };
+        let refused = RefusedRegister { address, code };
         let mut rig = rig_of(&model, accepting());
         rig.live(SECOND * 5);
         drive(&mut rig).refuses_at(address);

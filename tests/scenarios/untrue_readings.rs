@@ -46,7 +46,6 @@ fn for_a_while(rig: &mut Rig, word: u16, time: Duration) {
     assert_eq!((rig.view(0).trip.count, rig.view(0).usage.totals.trips), (count, before.trips), "{told}");
     let view = rig.view(0);
     assert_eq!((view.control.unwrap().intent, view.run_state), (RunIntent::Run(Direction::Forward), RunState::Forward));
-    assert_eq!(view.usage.totals.starts, before.starts, "{told}");
 }
 
 #[test]
@@ -75,7 +74,9 @@ fn a_count_that_was_cleared_at_the_drive_is_believed_after_ten_seconds() {
     assert_eq!((rig.view(0).trip.count, rig.trips.len()), (Some(0), 0));
     drive(&mut rig).shows_at(count, 1);
     rig.live(SECOND * 5);
-    assert_eq!(rig.trips.len(), 1, "it counts on from there");
+    let is_trip = |event: &TripEventKind| matches!(event, TripEventKind::Tripped { trips: 1, .. });
+    let trips = rig.trips.iter().filter(|(_, event)| is_trip(&event.kind));
+    assert_eq!(trips.count(), 1, "it counts on from there");
 }
 
 #[test]
