@@ -101,7 +101,7 @@ fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
         (None, &[(0, 9_999), (60, 9), (119, 10_009), (180, 10_010)], 11, "read while it carried: it was never lower"),
         (None, &[(0, 65_535), (60, 0), (120, 2)], 2, "it wrapped"),
         (Some(499 * TENTH), &[(0, 500), (60, 501)], 2, "what was used while the gateway was away"),
-        (Some(501 * TENTH), &[(0, 500), (60, 501)], 1, "replaced while the gateway was away"),
+        (Some(501 * TENTH), &[(0, 500), (30, 500), (60, 501)], 1, "replaced while the gateway was away"),
     ] {
         assert_eq!(energy_after(&counter, kept(before), readings), tenths * TENTH, "{why}");
     }
