@@ -151,10 +151,16 @@ mod signs;
 mod standby;
 #[path = "scenarios/standby_equal_ranks.rs"]
 mod standby_equal_ranks;
+#[path = "scenarios/standby_hand_over.rs"]
+mod standby_hand_over;
+#[path = "scenarios/standby_orders.rs"]
+mod standby_orders;
 #[path = "scenarios/standby_play/mod.rs"]
 mod standby_play;
 #[path = "scenarios/standby_roll_call.rs"]
 mod standby_roll_call;
+#[path = "scenarios/standby_stops.rs"]
+mod standby_stops;
 #[path = "scenarios/standby_trouble.rs"]
 mod standby_trouble;
 #[path = "scenarios/starts.rs"]

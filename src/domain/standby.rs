@@ -1,6 +1,6 @@
 //! Several gateways on one line: which of them sends, and what the next one does with running drives.
 
-use super::ids::Name;
+use super::ids::{Name, Station};
 use std::time::Duration;
 
 /// Highest rank.
@@ -90,4 +90,17 @@ pub struct StandbyReport {
     pub listener: Option<bool>,
     /// How often the line was not handed over, because no other gateway answered.
     pub kept: u64,
+    /// What keeps the two from standing in for each other.
+    pub trouble: StandbyTrouble,
+}
+
+/// What keeps the gateways of a line from standing in for each other, while it lasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StandbyTrouble {
+    /// It hears no sound frame although it should.
+    pub is_deaf: bool,
+    /// The other gateway has other drives on the line, or the same with other limits or declared actions.
+    pub files_differ: bool,
+    /// A station that another gateway or master talks to, and that the own configuration lacks.
+    pub unknown_station: Option<Station>,
 }

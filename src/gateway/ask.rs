@@ -58,7 +58,6 @@ impl LineCore {
         };
         let facts = Facts {
             listens: self.listens(),
-            other_is_alive: self.hears_other(now),
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
             is_implausible: drive.snapshot.is_implausible,
             ..drive.work.facts(self.takes_requests(), self.is_offline(command.drive), now)

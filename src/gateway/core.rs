@@ -150,7 +150,7 @@ impl LineCore {
             }
             // Another gateway may have ordered something else since.
             if setup.keeps && share.is_some() {
-                drive.work.remember_records(&drive.setup.remembered);
+                drive.work.remember_listening(&drive.setup.remembered, now);
             } else if setup.keeps {
                 drive.work.remember(&drive.setup.remembered, now, &mut effects);
             }
@@ -210,10 +210,7 @@ impl LineCore {
                     drive.work.confirm_standstill(owner, &mut self.effects);
                 }
             }
-            // Another gateway controls the drives of a line that is listened to.
-            Input::Shutdown if self.listens() => {
-                self.drives.works_mut().for_each(DriveWork::end);
-            }
+            Input::Shutdown if self.listens() => self.end_listening(now),
             Input::Shutdown => {
                 for work in self.drives.works_mut() {
                     work.shut_down(now, &mut self.effects);

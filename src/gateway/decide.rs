@@ -40,18 +40,28 @@ impl LineCore {
         if !self.is_open || self.wire.is_busy() || now < self.free_from() {
             return;
         }
-        if self.answer_question(now) || !self.may_send(now) {
+        if self.answer_question(now) {
             return;
+        }
+        if !self.may_send(now) {
+            return self.stop_between(now);
         }
         if self.claim(now) || self.stop_all(now) || self.call_roll(now) || self.hand_over(now) {
             return;
         }
-        let Some((drive, request, purpose)) = self.pick(now) else { return self.sign_of_life(now) };
+        let Some(picked) = self.pick(now) else { return self.sign_of_life(now) };
+        self.open_exchange(now, picked);
+    }
+
+    /// Sends a request, whose reply is awaited.
+    pub(super) fn open_exchange(&mut self, now: MonoTime, (drive, request, purpose): Picked) {
         self.cut_short = None;
         let asked = &self.drives[drive];
         let station = asked.setup.station;
         let was_silent = asked.station.is_known_silent();
         let timeout = asked.wait_for(&request, &self.timing);
+        // Between the frames of another master it may meet one: that one then waits for its reply, and leaves a gap.
+        let timeout = if self.listens() { timeout / 2 } else { timeout };
         let patience = asked.patience(&request, &self.timing);
         let doubt = now < asked.station.unmistakable_at(&request);
         let in_doubt = asked.station.misses_function(request.function(), now);
@@ -235,7 +245,8 @@ impl LineCore {
             return Some(Wake { at, reason: WakeReason::SilentInterval });
         }
         if self.listens() {
-            let at = self.answer_at()?.max(silence);
+            let now = self.effects.now();
+            let at = self.answer_at().into_iter().chain(self.between_at(now)).min()?.max(silence);
             return Some(Wake { at, reason: WakeReason::WorkDue });
         }
         let any = || {

@@ -78,7 +78,9 @@ impl LineCore {
         if !proves_nothing && kind.is_none() {
             self.drives[drive].tell_plan(now, &exchange.request, &ending, &mut self.effects);
         }
-        let doubt = doubt || proves_nothing;
+        // A listener does not read, so it does not know whether its adapter echoes; but others show it the effect of its stop.
+        let shown_by_others = self.listens() && self.drives[drive].work.is_fresh(now);
+        let doubt = doubt || (proves_nothing && !shown_by_others);
         let fault = if proves_nothing { Some(Fault::Stray) } else { fault };
         let done = Done {
             drive,
@@ -92,6 +94,9 @@ impl LineCore {
         self.take_words(now, read_at, drive, &purpose, (&exchange.request, &ending));
         let answers = matches!(ending, Ending::Reply(_) | Ending::Exception(_));
         let is_damaged = ending == Ending::Garbled || noise > 0;
+        if let Purpose::Work(rank) = purpose {
+            self.between_ended(now, drive, rank, &ending);
+        }
         self.tell_purpose(now, drive, purpose, (&exchange.request, ending, kind), doubt);
         self.forget_the_silent(now, drive);
         self.confirm_share(now, answers, is_damaged);
@@ -203,7 +208,6 @@ impl LineCore {
     /// Counts what was received, reports it to watchers, and notes which stations are present.
     pub(super) fn tell_heard(&mut self, now: MonoTime) {
         let mut was_answered = false;
-        let mut rival = None;
         for heard in self.wire.take_heard() {
             if self.overhears(now, &heard) {
                 self.tell_of(heard);
@@ -216,10 +220,13 @@ impl LineCore {
             }
             // The adapter does not echo: another gateway has asked the same.
             let is_no_echo = heard.kind == TrafficKind::Echo && self.is_no_echo(&heard.bytes);
-            let is_foreign = is_of_others && !self.is_own_signal(&heard.bytes);
-            if is_no_echo || is_foreign {
-                rival = self.share.is_some().then(|| heard.bytes.clone());
+            let is_unasked = matches!(heard.kind, TrafficKind::Stray(_) | TrafficKind::Foreign(_));
+            if (is_no_echo || is_of_others || is_unasked) && self.hears_stop(now, &heard.bytes) {
+                self.tell_of(heard);
+                continue;
             }
+            let is_foreign = is_of_others && !self.is_own_signal(&heard.bytes);
+            let rival = ((is_no_echo || is_foreign) && self.share.is_some()).then(|| heard.bytes.clone());
             match heard.kind {
                 TrafficKind::Echo if is_no_echo => {}
                 TrafficKind::Request => {}
@@ -245,15 +252,22 @@ impl LineCore {
                     flight.into_iter().for_each(|flight| flight.noise += heard.bytes.len());
                 }
             }
+            if matches!(heard.kind, TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_)) {
+                self.share.iter_mut().for_each(|share| {
+                    share.rule.answered(now);
+                    share.sound_at = now;
+                });
+            }
             if !is_no_echo {
                 self.echo.heard(heard.kind, &heard.bytes);
             }
             self.health.diagnosis.heard(heard.kind, &heard.bytes);
             self.health.damage.heard(heard.kind, &heard.bytes);
             self.tell_of(heard);
-        }
-        if let Some(frame) = rival {
-            self.hears_rival(now, &frame);
+            // What follows is listened to.
+            if let Some(frame) = rival {
+                self.hears_rival(now, &frame);
+            }
         }
     }
 

@@ -196,6 +196,9 @@ impl LineCore {
 
     /// The line has become unusable, or usable again. If it is unusable, everything that waits is answered.
     fn set_trouble(&mut self, now: MonoTime, trouble: Option<LineFault>) {
+        if self.health.is_jammed() {
+            self.share.iter_mut().for_each(|share| share.rule.jam_ended(now));
+        }
         self.health.trouble = trouble;
         self.state = if trouble.is_some() { LineState::Down } else { LineState::Up };
         self.fault = trouble.or(self.fault);

@@ -16,6 +16,7 @@
 //! | `port` | handles opening and closing of the port |
 //! | `probe` | finds out whether the line echoes |
 //! | `standby` | shares the line with other gateways |
+//! | `between` | sends stops between the frames of another gateway |
 //! | `overhear` | follows the traffic of another gateway |
 //! | `health` | decides whether the line can be used |
 //! | `traffic` | reports traffic to those who watch the line |
@@ -23,6 +24,7 @@
 
 mod ask;
 mod barrier;
+mod between;
 mod broadcast;
 mod core;
 mod decide;

@@ -143,6 +143,18 @@ pub enum Note {
         "the other gateway of the line is lost: the drive goes on, and its client has the time of a lost one to come back"
     )]
     Adopted,
+    /// A stop is sent while another gateway or master has the line: one frame of two masters.
+    #[error("a stop is sent between the frames of the gateway or master that has the line")]
+    StopBetween,
+    /// The line was to be handed over, and this gateway does not take it.
+    #[error(
+        "the line is not taken over: the drive runs, and its direction was neither heard nor told; a stop and a new order \
+         through the active gateway make it known"
+    )]
+    HandOverRefused,
+    /// Another gateway or master of the line sent the drive a stop.
+    #[error("stopped by another gateway or master of the line: RUN needs a stop and a new order")]
+    StoppedByAnother,
     /// The drive leaves the configuration, or its line is restarted, while it is in use.
     #[error("the drive is being removed or its line restarted: stopping it first")]
     Leaving,
@@ -176,7 +188,7 @@ pub enum LineNote {
     #[error("listening on the line: {}", given_up(.0))]
     GivenUp(Change),
     /// Another master was heard while this gateway was active.
-    #[error("listening on the line: rival_on_line, another {} sent {frame}", sender(.is_gateway))]
+    #[error("ALARM: listening on the line: rival_on_line, another {} sent {frame}; {}", sender(.is_gateway), cost(.is_gateway))]
     Rival {
         /// What it sent.
         frame: HeardFrame,
@@ -192,12 +204,23 @@ const fn sender(is_gateway: &bool) -> &'static str {
     if *is_gateway { "gateway" } else { "master" }
 }
 
+const fn cost(is_gateway: &bool) -> &'static str {
+    if *is_gateway {
+        "it has the line"
+    } else {
+        "while it is heard nothing is polled and no RUN is accepted; stops are sent between its frames"
+    }
+}
+
 const fn given_up(change: &Change) -> &'static str {
     match change {
         Change::Stalled => "nothing was sent for too long, so another gateway may have taken it over",
         Change::Rival => "another master was heard",
         Change::Collided => "it was taken over by another gateway at the same moment",
         Change::Yielded => "it was given up on request",
+        Change::Deaf => {
+            "line_deaf, no drive was heard for some seconds: the receiver may be dead, or speed or polarity may be wrong"
+        }
         Change::TakenOver | Change::HandedOver => "it was taken over",
     }
 }

@@ -1,6 +1,10 @@
 //! What a listener makes of the traffic between another gateway and the drives: their picture, and what was ordered.
 
 use super::core::LineCore;
+use super::event::Effect;
+use super::note::Note;
+use crate::domain::address::Address;
+use crate::domain::command::Order;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
@@ -10,7 +14,7 @@ use crate::line::exchange::{Ending, Heard};
 use crate::line::overheard::Overheard;
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
-use crate::wire::signal::Signal;
+use crate::wire::signal::{self, Signal, SignalKind, Word};
 
 /// Requests in a row that a station leaves unanswered before a listener shows it as offline.
 const SILENT_AFTER: u8 = 3;
@@ -18,14 +22,19 @@ const SILENT_AFTER: u8 = 3;
 impl LineCore {
     /// A listener takes what was `heard`; returns whether it did.
     pub(super) fn overhears(&mut self, now: MonoTime, heard: &Heard) -> bool {
-        if !self.listens() {
+        // The reply to a stop of its own is none.
+        let is_own = self.flight.is_some() && matches!(heard.kind, TrafficKind::Reply | TrafficKind::Echo);
+        if !self.listens() || is_own {
             return false;
         }
         match heard.kind {
             TrafficKind::Noise => {
                 self.counters.noise_bytes += heard.bytes.len() as u64;
                 // It may have been another request: what answers it must not be taken for the answer to the last one.
-                self.share.iter_mut().for_each(|share| share.listener.clear());
+                self.share.iter_mut().for_each(|share| {
+                    share.listener.clear();
+                    share.gap.is_over();
+                });
             }
             _ => {
                 if let Some((station, pdu)) = framing::decode(self.timing.framing, &heard.bytes) {
@@ -40,25 +49,45 @@ impl LineCore {
         let Some(share) = &mut self.share else { return };
         // Whatever follows a question ends the time for its answer.
         share.answer = None;
+        if let Some(word) = Word::decode(station, pdu) {
+            share.sound_at = at;
+            return self.hears_word(at, word);
+        }
         if let Some(signal) = Signal::decode(station, pdu) {
             if share.is_own(signal) {
                 // The answer to a question has come back: what this adapter does is known before the line is needed.
                 self.counters.echoes += 1;
                 return self.echo.found();
             }
-            let unanswered = share.heard_signal(now, at, signal);
-            return self.is_unanswered(now, unanswered);
+            share.sound_at = at;
+            let leads = !signal.kind.is_of_listener();
+            let may_accept = signal.kind != SignalKind::HandOver || self.knows_orders();
+            let Some(share) = &mut self.share else { return };
+            let unanswered = share.heard_signal(now, at, signal, may_accept);
+            // Nothing answers it.
+            share.gap.exchange_ended(at);
+            self.is_unanswered(now, unanswered);
+            if leads {
+                self.left_to_another();
+            }
+            return;
         }
+        share.sound_at = at;
+        share.gap.is_over();
         match share.listener.take(station, pdu) {
             // It may be the late one to a request of our own.
             Overheard::Alone => share.rule.heard_alone(at),
             Overheard::Request { station, request, unanswered } => {
                 share.another_sends(at);
+                if station != Station(0) && station != signal::STATION && self.drives.at_station(station).is_none() {
+                    share.stranger = Some((station, at));
+                }
                 self.is_unanswered(now, unanswered);
                 self.overhear_order(at, station, &request);
             }
             Overheard::Answer { station, request, ending } => {
                 share.another_sends(at);
+                share.gap.exchange_ended(at);
                 if let Some(index) = self.drives.at_station(station) {
                     self.overhear_answer(now, at, index, &request, &ending);
                 }
@@ -76,14 +105,61 @@ impl LineCore {
         }
     }
 
+    /// The active gateway tells something that its next frames build on.
+    fn hears_word(&mut self, at: MonoTime, word: Word) {
+        let Some(share) = &mut self.share else { return };
+        share.another_sends(at);
+        share.gap.exchange_ended(at);
+        match word {
+            Word::Digest(digest) => share.differs = Some(digest != share.digest),
+            Word::Order(station, order) => {
+                let told = self.drives.at_station(station);
+                told.into_iter().for_each(|index| self.drives[index].work.order_told(order, at));
+            }
+        }
+    }
+
+    /// Whether this listener knows by which order each drive runs: only then can it take the line without stopping one. Tells
+    /// of those for which it does not.
+    fn knows_orders(&mut self) -> bool {
+        let unknown: Vec<_> = self.drives.iter().filter(|drive| drive.work.lacks_order()).map(|it| it.index).collect();
+        for drive in &unknown {
+            self.effects.push_back(Effect::Note(*drive, Note::HandOverRefused));
+        }
+        unknown.is_empty()
+    }
+
+    /// Another gateway is active, and sees to what is declared for the drives.
+    pub(super) fn left_to_another(&mut self) {
+        let is_informed = self.share.as_ref().is_some_and(|share| share.rule.is_informed(self.effects.now()));
+        self.drives.works_mut().for_each(|work| work.left_to_another(is_informed, &mut self.effects));
+    }
+
+    /// The drives that the request `frame` stops, and whether it cuts their output off.
+    pub(super) fn stops_in(&self, frame: &[u8]) -> Vec<(DriveIndex, bool)> {
+        let Some((station, pdu)) = framing::decode(self.timing.framing, frame) else { return Vec::new() };
+        let Some(request) = Request::decode(&pdu) else { return Vec::new() };
+        let Some((address, values)) = written(&request) else { return Vec::new() };
+        let is_for_all = self.is_for_all(Station(station));
+        let addressed = self.drives.iter().filter(|drive| is_for_all || drive.setup.station == Station(station));
+        let stopped = addressed.filter_map(|drive| {
+            match decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values) {
+                Ok(Order::Stop { .. }) => Some((drive.index, false)),
+                Ok(Order::Coast) => Some((drive.index, true)),
+                _ => None,
+            }
+        });
+        stopped.collect()
+    }
+
+    fn is_for_all(&self, station: Station) -> bool {
+        station == Station(0) || self.all_stop_at == Some(station.0)
+    }
+
     /// Another gateway orders something, perhaps of all drives at once.
     fn overhear_order(&mut self, at: MonoTime, station: Station, request: &Request) {
-        let (address, values) = match request {
-            Request::WriteSingle { address, value } => (*address, std::slice::from_ref(value)),
-            Request::WriteMultiple { address, values } => (*address, values.as_slice()),
-            Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return,
-        };
-        let is_for_all = station == Station(0) || self.all_stop_at == Some(station.0);
+        let Some((address, values)) = written(request) else { return };
+        let is_for_all = self.is_for_all(station);
         for drive in self.drives.iter_mut() {
             if !is_for_all && drive.setup.station != station {
                 continue;
@@ -115,5 +191,14 @@ impl LineCore {
         } else {
             drive.take_read(now, at, (*address, words), &mut self.effects);
         }
+    }
+}
+
+/// The values that `request` writes, and where.
+const fn written(request: &Request) -> Option<(Address, &[u16])> {
+    match request {
+        Request::WriteSingle { address, value } => Some((*address, std::slice::from_ref(value))),
+        Request::WriteMultiple { address, values } => Some((*address, values.as_slice())),
+        Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => None,
     }
 }

@@ -5,7 +5,7 @@ use super::work::Rank;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::line::roll_call::RollCall;
-use crate::wire::signal::{self, SignalKind};
+use crate::wire::signal::{self, SignalKind, Word};
 
 impl LineCore {
     /// Asks whether another gateway listens, if it is time for that. Returns whether nothing else may be sent at `now`: a
@@ -19,7 +19,12 @@ impl LineCore {
         }
         let is_due = call.ask_at().is_some_and(|at| now >= at);
         if is_due {
-            self.send_signal(now, SignalKind::Question);
+            // A listener answers the question by what it has just been told.
+            let told = self.share.as_mut().map(|share| (std::mem::replace(&mut share.told_digest, true), share.digest));
+            match told {
+                Some((false, digest)) => self.send_word(now, Word::Digest(digest)),
+                _ => self.send_signal(now, SignalKind::Question),
+            }
         }
         is_due
     }
@@ -27,16 +32,17 @@ impl LineCore {
     /// The question is out.
     pub(super) fn roll_was_called(&mut self, now: MonoTime) {
         let end = now + self.timing.on_wire(self.timing.adu_bytes(signal::PDU_BYTES));
+        self.share.iter_mut().for_each(|share| share.told_digest = false);
         self.roll_call_mut().into_iter().for_each(|call| call.asked(end));
     }
 
     /// Takes the answer of a listener, if the request `frame` of another master is one. Returns whether it is.
     pub(super) fn hears_listener(&mut self, now: MonoTime, frame: &[u8]) -> bool {
-        let is_answer = self.signal_in(frame).is_some_and(|(it, is_own)| it.kind == SignalKind::Listening && !is_own);
-        if is_answer {
-            self.roll_call_mut().into_iter().for_each(|call| call.answered(now));
-        }
-        is_answer
+        let signal = self.signal_in(frame).filter(|(it, is_own)| it.kind.is_of_listener() && !is_own);
+        let Some((signal, _)) = signal else { return false };
+        self.share.iter_mut().for_each(|share| share.differs = Some(signal.kind == SignalKind::Differs));
+        self.roll_call_mut().into_iter().for_each(|call| call.answered(now));
+        true
     }
 
     /// When the next question is due.
@@ -73,7 +79,8 @@ impl LineCore {
         }
         let answers = share.answer.is_some_and(|answer| answer.may_be_sent(now));
         if answers {
-            self.send_signal(now, SignalKind::Listening);
+            let differs = share.differs == Some(true);
+            self.send_signal(now, if differs { SignalKind::Differs } else { SignalKind::Listening });
         }
         answers
     }

@@ -1,13 +1,15 @@
 //! What this gateway knows of a line that it shares with others.
 
-use super::setup::LineSetup;
+use super::setup::{DriveSetup, LineSetup};
+use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
+use crate::line::gap::Gap;
 use crate::line::overheard::Listener;
 use crate::line::roll_call::{Answer, RollCall};
 use crate::line::standby::Standby;
 use crate::wire::pdu::Request;
-use crate::wire::signal::{Signal, SignalKind};
+use crate::wire::signal::{Signal, SignalKind, Word};
 
 /// The share of this gateway in a line.
 #[derive(Debug)]
@@ -26,10 +28,26 @@ pub(super) struct Share {
     pub roll_call: Option<RollCall>,
     /// The answer that it owes as a listener.
     pub answer: Option<Answer>,
+    /// Where a stop fits while another one sends.
+    pub gap: Gap,
     /// It gave the line up by itself, and no other gateway was heard since.
     pub gave_way: bool,
     /// The signal that is on its way to the port.
     pub signal: Option<SignalKind>,
+    /// What is still to be told before the line is handed over; `None`: that is not known yet.
+    pub to_tell: Option<Vec<Word>>,
+    /// The digest of its drives was told, and the question that follows it was not asked yet.
+    pub told_digest: bool,
+    /// A digest of its drives.
+    pub digest: u16,
+    /// Whether those of the other gateway differ; `None` while that is not known.
+    pub differs: Option<bool>,
+    /// A station that is no drive of this gateway, and when it was last talked to.
+    pub stranger: Option<(Station, MonoTime)>,
+    /// When a sound frame was last heard.
+    pub sound_at: MonoTime,
+    /// When the last exchange of its own between the frames of others had ended: its bytes end no silence.
+    pub own_bytes_at: MonoTime,
     /// The number of this start of the gateway in its signals.
     sender: u16,
     pub take_overs: u64,
@@ -50,8 +68,16 @@ impl Share {
             yields_until: None,
             roll_call: None,
             answer: None,
+            gap: Gap::default(),
             gave_way: false,
             signal: None,
+            to_tell: None,
+            told_digest: false,
+            digest: digest(setup),
+            differs: None,
+            stranger: None,
+            sound_at: MonoTime::ZERO,
+            own_bytes_at: MonoTime::ZERO,
             sender: sender(setup.first_epoch),
             take_overs: 0,
             given_up: 0,
@@ -71,21 +97,22 @@ impl Share {
         signal.sender == self.sender
     }
 
-    /// A listener heard at `now` a `signal` that ended at `at`. Returns the station that was asked before it and did not
-    /// answer.
-    pub fn heard_signal(&mut self, now: MonoTime, at: MonoTime, signal: Signal) -> Option<Station> {
+    /// A listener heard at `now` a `signal` that ended at `at`. If the line is handed over, it is taken if it `may_accept` that.
+    /// Returns the station that was asked before it and did not answer.
+    pub fn heard_signal(&mut self, now: MonoTime, at: MonoTime, signal: Signal, may_accept: bool) -> Option<Station> {
         // Another listener does not send on its own.
-        if self.is_own(signal) || signal.kind == SignalKind::Listening {
+        if self.is_own(signal) || signal.kind.is_of_listener() {
             return None;
         }
         let is_attentive = self.rule.is_attentive(now);
         self.another_sends(at);
         match signal.kind {
-            SignalKind::HandOver => self.rule.handed_over(at),
+            SignalKind::HandOver if may_accept => self.rule.handed_over(at),
+            SignalKind::HandOver => self.rule.refused(at),
             SignalKind::Question if is_attentive => {
                 self.answer = Some(Answer::to_question(now, at, self.rule.times().answer_after));
             }
-            SignalKind::Active | SignalKind::Question | SignalKind::Listening => {}
+            SignalKind::Active | SignalKind::Question | SignalKind::Listening | SignalKind::Differs => {}
         }
         self.listener.silent()
     }
@@ -102,4 +129,24 @@ impl Share {
 fn sender(first_epoch: u64) -> u16 {
     // Fibonacci hashing: epochs differ in some of their bits.
     u16::try_from(first_epoch.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 48).unwrap_or_default()
+}
+
+/// A digest of what the gateways of a line must have in common: its drives, their limits and what is declared for them.
+fn digest(setup: &LineSetup) -> u16 {
+    let of_drive = |drive: &DriveSetup| {
+        let control = drive.control.as_deref().map(|control| {
+            let ControlSettings { least, most, directions, on_commander_lost, on_gateway_lost, lost_after, .. } =
+                control;
+            format!("{least:?} {most:?} {directions:?} {on_commander_lost:?} {on_gateway_lost:?} {lost_after:?}")
+        });
+        format!("{} {} {control:?}", drive.station.0, drive.model.id)
+    };
+    let mut drives: Vec<_> = setup.drives.iter().map(of_drive).collect();
+    drives.sort();
+    // FNV-1a.
+    let hash = drives
+        .join("\n")
+        .bytes()
+        .fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3));
+    u16::try_from((hash ^ (hash >> 16) ^ (hash >> 32) ^ (hash >> 48)) & 0xFFFF).unwrap_or_default()
 }

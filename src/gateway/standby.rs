@@ -8,16 +8,21 @@ use super::work::DriveWork;
 use crate::domain::ids::Station;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::LineFault;
-use crate::domain::standby::{LineRole, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::Why;
 use crate::line::echo::LocalEcho;
 use crate::line::roll_call::RollCall;
 use crate::line::standby::Change;
 use crate::wire::framing;
-use crate::wire::signal::{self, Signal, SignalKind};
+use crate::wire::pdu::Request;
+use crate::wire::signal::{self, Signal, SignalKind, Word};
 use std::time::Duration;
 
+/// How long a listener hears bytes without a sound frame before its speed or polarity must be wrong.
+const NOISE_ALONE: Duration = Duration::from_secs(10);
+/// How long a station that this gateway lacks is told after it was last talked to.
+const STRANGER_FOR: Duration = Duration::from_secs(120);
 /// How long a line that is to be handed over waits for a moment at which nothing is under way.
 const YIELD_WAIT: Duration = Duration::from_secs(5);
 
@@ -27,18 +32,21 @@ impl LineCore {
         self.share.as_ref().is_some_and(|share| share.rule.role() == LineRole::Listening)
     }
 
-    /// Whether another gateway of the line is alive at `now`, as far as can be heard.
-    pub(super) fn hears_other(&self, now: MonoTime) -> bool {
-        self.share.as_ref().is_some_and(|share| share.rule.hears_other(now))
-    }
-
     /// The role of this gateway on the line; `None` if it is alone there.
     pub(super) fn standby_report(&self) -> Option<StandbyReport> {
         let share = self.share.as_ref()?;
         let Share { take_overs, given_up, rivals, kept, .. } = *share;
-        let hears_other = share.rule.hears_other(self.effects.now());
+        let now = self.effects.now();
+        let (role, hears_other) = (share.rule.role(), share.rule.hears_other(now));
         let listener = share.roll_call.and_then(|call| call.listener());
-        Some(StandbyReport { role: share.rule.role(), take_overs, given_up, rivals, hears_other, listener, kept })
+        let hears_noise = self.wire.last_byte_at().since(share.sound_at) >= NOISE_ALONE;
+        let stranger = share.stranger.filter(|(_, at)| now.since(*at) < STRANGER_FOR);
+        let trouble = StandbyTrouble {
+            is_deaf: share.rule.is_deaf() || (role == LineRole::Listening && hears_noise),
+            files_differ: share.differs == Some(true),
+            unknown_station: stranger.map(|(station, _)| station),
+        };
+        Some(StandbyReport { role, take_overs, given_up, rivals, hears_other, listener, kept, trouble })
     }
 
     /// Whether a frame may be decided on at `now`. On a jammed line nothing but stops is sent, over the babble, where no
@@ -53,11 +61,14 @@ impl LineCore {
     pub fn may_transmit(&mut self, now: MonoTime) -> bool {
         let may_send = self.may_send(now);
         let Some(share) = &mut self.share else { return may_send };
-        let is_answer = share.signal == Some(SignalKind::Listening);
+        let is_answer = share.signal.is_some_and(SignalKind::is_of_listener);
+        // A stop between the frames of another gateway.
+        let is_between = share.gap.take_frame(now) && share.rule.role() == LineRole::Listening;
         let may = if is_answer { share.answer.is_some_and(|answer| answer.may_be_sent(now)) } else { may_send };
+        let may = may || is_between;
         if !may {
             share.signal = None;
-        } else if !is_answer {
+        } else if !is_answer && !is_between {
             share.rule.sent(now);
         }
         may
@@ -68,7 +79,9 @@ impl LineCore {
         match self.share.as_mut().and_then(|share| share.signal.take()) {
             Some(SignalKind::HandOver) => return self.give_way(now),
             Some(SignalKind::Question) => self.roll_was_called(now),
-            Some(SignalKind::Listening) => return self.share.iter_mut().for_each(|share| share.answer = None),
+            Some(SignalKind::Listening | SignalKind::Differs) => {
+                return self.share.iter_mut().for_each(|share| share.answer = None);
+            }
             Some(SignalKind::Active) | None => {}
         }
         if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
@@ -79,6 +92,7 @@ impl LineCore {
     pub(super) fn share_port_opened(&mut self, now: MonoTime) {
         if let Some(share) = &mut self.share {
             share.rule.port_opened(now);
+            share.sound_at = now;
             share.listener.clear();
         }
     }
@@ -95,6 +109,7 @@ impl LineCore {
     pub(super) fn on_yield(&mut self, now: MonoTime) {
         if let Some(share) = self.share.as_mut().filter(|share| share.rule.role() == LineRole::Active) {
             share.yields_until = Some(now + YIELD_WAIT);
+            share.to_tell = None;
             share.roll_call.iter_mut().for_each(|call| call.ask_again(now));
         }
     }
@@ -117,6 +132,16 @@ impl LineCore {
                 return false;
             }
             Some(true) | None => return false,
+        }
+        // The other one may have been started after the orders that it takes over.
+        let drives = &self.drives;
+        let to_tell = share.to_tell.get_or_insert_with(|| {
+            let told = drives.iter().filter_map(|drive| Some((drive.setup.station, drive.work.order_to_tell()?)));
+            told.map(|(station, order)| Word::Order(station, order)).collect()
+        });
+        if let Some(word) = to_tell.pop() {
+            self.send_word(now, word);
+            return true;
         }
         share.yields_until = None;
         self.send_signal(now, SignalKind::HandOver);
@@ -145,16 +170,27 @@ impl LineCore {
     }
 
     pub(super) fn send_signal(&mut self, now: MonoTime, kind: SignalKind) {
-        let Some(share) = &mut self.share else { return };
+        let Some(request) = self.share.as_mut().map(|share| share.signal(kind)) else { return };
+        self.send_to_gateways(now, &request);
+    }
+
+    /// Tells the other gateways something.
+    pub(super) fn send_word(&mut self, now: MonoTime, word: Word) {
+        self.send_to_gateways(now, &word.request());
+    }
+
+    fn send_to_gateways(&mut self, now: MonoTime, request: &Request) {
         let mut frame = Vec::with_capacity(16);
-        self.wire.broadcast(now, signal::STATION.0, &share.signal(kind), Duration::ZERO, &mut frame);
+        self.wire.broadcast(now, signal::STATION.0, request, Duration::ZERO, &mut frame);
         self.counters.requests += 1;
         self.transmit(now, frame, Why::Probe);
     }
 
-    /// Whether `frame` is a signal of this gateway, which has come back.
+    /// Whether `frame` is a signal of this gateway, which has come back, or a word, which says not whose it is.
     pub(super) fn is_own_signal(&self, frame: &[u8]) -> bool {
-        self.signal_in(frame).is_some_and(|(_, is_own)| is_own)
+        let decoded = framing::decode(self.timing.framing, frame);
+        let is_word = decoded.is_some_and(|(station, pdu)| Word::decode(Station(station), &pdu).is_some());
+        is_word || self.signal_in(frame).is_some_and(|(_, is_own)| is_own)
     }
 
     /// The signal in `frame`, and whether it is one of this gateway.
@@ -181,13 +217,21 @@ impl LineCore {
         share.gave_way = true;
         if let Some(change) = share.rule.give_up(now, wait) {
             self.give_up_line(now, change, None);
+            self.left_to_another();
         }
     }
 
     /// Time has passed: the line is taken over, or given up because nothing was sent for too long.
     pub(super) fn pass_share(&mut self, now: MonoTime) {
         let is_free = self.is_open && !self.wire.is_busy() && now >= self.wire.may_send_from() && self.is_usable(now);
-        let change = self.share.as_mut().and_then(|share| share.rule.pass(now, is_free));
+        let last_byte_at = self.wire.last_byte_at();
+        let is_own = self.flight.is_some();
+        let change = self.share.as_mut().and_then(|share| {
+            if !is_own && last_byte_at > share.own_bytes_at {
+                share.rule.received(last_byte_at);
+            }
+            share.rule.pass(now, is_free)
+        });
         match change {
             None => {}
             Some(change @ (Change::TakenOver | Change::HandedOver)) => {
@@ -232,6 +276,11 @@ impl LineCore {
     /// The first exchanges since the line was taken over show whether this gateway is the only one that took it: one that
     /// is answered, or silence or something damaged instead.
     pub(super) fn confirm_share(&mut self, now: MonoTime, is_answered: bool, is_damaged: bool) {
+        if let Some(share) = &mut self.share {
+            if !is_answered && !self.health.is_jammed() {
+                share.rule.missed();
+            }
+        }
         let Some(share) = self.share.as_mut().filter(|share| !share.is_confirmed) else { return };
         share.is_confirmed = is_answered;
         let collided = if is_answered { None } else { share.rule.unanswered(now, is_damaged) };
@@ -271,7 +320,7 @@ impl LineCore {
     fn count_given_up(&mut self, now: MonoTime) {
         if let Some(share) = &mut self.share {
             share.given_up += 1;
-            share.roll_call = None;
+            (share.roll_call, share.differs) = (None, None);
             share.listener.clear();
             share.unanswered.fill(0);
         }
@@ -289,7 +338,7 @@ impl LineCore {
         // No other gateway took what this one gave: its own orders go on as those of another one would.
         let goes_on = was_handed_over || std::mem::take(&mut share.gave_way);
         // A signal that was to hand the line over, and could not be sent any more, does so no more.
-        (share.yields_until, share.signal) = (None, None);
+        (share.yields_until, share.signal, share.differs) = (None, None, None);
         share.listener.clear();
         let heard_at = share.rule.heard_at();
         let is_first = !share.has_heard_other;
@@ -303,10 +352,8 @@ impl LineCore {
                 // The last request of the other gateway may have been any.
                 drive.asked_before(heard_at);
             }
-            if is_first {
-                let remembered = drive.setup.remembered;
-                drive.work.remember_orders(&remembered, now, &mut self.effects);
-            } else {
+            let remembered = drive.setup.remembered;
+            if !is_first || !drive.work.remember_on_line(&remembered, now, &mut self.effects) {
                 drive.work.take_over(now, goes_on, &mut self.effects);
             }
         }

@@ -287,6 +287,17 @@ impl StopLatch {
         self.is_acknowledged
     }
 
+    /// The frame may not have arrived: it is sent again at `now`.
+    pub const fn send_again_at(&mut self, now: MonoTime) {
+        self.send_at = now;
+    }
+
+    /// Whether no client waits for it.
+    #[must_use]
+    pub const fn has_no_waiters(&self) -> bool {
+        self.waiters.is_empty()
+    }
+
     /// The frame had no valid reply: it is sent again, at once when the drive responds to anything.
     pub fn unanswered(&mut self, now: MonoTime) {
         self.look_at = now;

@@ -1,6 +1,7 @@
 //! A drive that runs by the order of another gateway of its line, which is lost: it goes on for a while, so that its
 //! client can come back here. Nothing is started by that.
 
+use super::approved::StopOrder;
 use super::loss::Lost;
 use super::state::DriveGuard;
 use crate::domain::command::{Direction, Manner, Order, Origin, Owner, RunIntent};
@@ -39,6 +40,14 @@ impl DriveGuard {
     pub const fn give_up(&mut self) {
         self.lease = None;
         self.adopted = None;
+    }
+
+    /// Another gateway or master of the line stopped the drive at `now`: that is a stop by nobody who has control here.
+    pub fn stop_by_another(&mut self, coast: bool, now: MonoTime) -> Option<StopOrder> {
+        self.control.as_ref()?;
+        let order = self.stop_order(coast)?;
+        self.accept_stop(None, coast, now);
+        Some(order)
     }
 
     /// The other gateway is lost at `now` before its stop took effect: it is sent again.
@@ -119,6 +128,12 @@ impl DriveGuard {
         self.run_acknowledged = true;
         self.obeyed = Some((direction, true));
         self.turned = Some(direction);
+    }
+
+    /// The direction of the last order to run, in force or not.
+    #[must_use]
+    pub const fn last_direction(&self) -> Option<Direction> {
+        self.turned
     }
 
     /// Whether the order in force waits for a client to take it up.

@@ -4,12 +4,15 @@ use super::approved::StopOrder;
 use super::state::{DriveGuard, Lease};
 use crate::domain::time::MonoTime;
 use crate::journal::{Cause, RememberedLease};
+use std::time::Duration;
 
 /// The state of a lease from before a restart of the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Orphan {
     /// The drive has not been seen yet. If the lease was already orphaned, its owner's time is over.
     Unseen { was_orphaned: bool },
+    /// The same while this gateway listens to the line: the drive is another one's to command.
+    Listening { was_orphaned: bool },
     /// The owner sent a heartbeat before the drive was seen.
     TakenUp,
     /// The drive was found running, and the owner has not sent a heartbeat yet.
@@ -20,7 +23,7 @@ impl Orphan {
     /// Its owner sent a heartbeat.
     pub const fn taken_up(self) -> Option<Self> {
         match self {
-            Self::Unseen { .. } | Self::TakenUp => Some(Self::TakenUp),
+            Self::Unseen { .. } | Self::Listening { .. } | Self::TakenUp => Some(Self::TakenUp),
             Self::Running(_) => None,
         }
     }
@@ -29,7 +32,7 @@ impl Orphan {
     pub const fn cause(self) -> Cause {
         match self {
             Self::Running(cause) => cause,
-            Self::Unseen { .. } | Self::TakenUp => Cause::CommanderLost,
+            Self::Unseen { .. } | Self::Listening { .. } | Self::TakenUp => Cause::CommanderLost,
         }
     }
 }
@@ -40,6 +43,25 @@ impl DriveGuard {
         if self.control.is_some() {
             let orphan = Some(Orphan::Unseen { was_orphaned: lease.was_orphaned });
             self.lease = Some(Lease { owner: lease.owner, until: MonoTime::NEVER, orphan, refused_at: None });
+        }
+    }
+
+    /// The same on a line where another gateway may be active: it says so within `signals_within`, and the lease ends then.
+    /// Where none is, it lasts until the owner was awaited for its time.
+    pub fn remember_lease_listening(&mut self, lease: RememberedLease, now: MonoTime, signals_within: Duration) {
+        if let Some(control) = &self.control {
+            let orphan = Some(Orphan::Listening { was_orphaned: lease.was_orphaned });
+            let until = now + control.lost_after.max(signals_within);
+            self.lease = Some(Lease { owner: lease.owner, until, orphan });
+        }
+    }
+
+    /// No other gateway was active since the start: the time of the owner counts from there.
+    pub fn awaited_since_start(&mut self) {
+        let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };
+        if let Some(Orphan::Listening { was_orphaned }) = lease.orphan {
+            lease.until = if was_orphaned { MonoTime::NEVER } else { self.found_at + control.lost_after };
+            lease.orphan = Some(Orphan::Unseen { was_orphaned });
         }
     }
 
@@ -54,7 +76,8 @@ impl DriveGuard {
     /// Whether the owner of the lease is awaited since before a restart of the gateway.
     #[must_use]
     pub fn is_orphaned(&self) -> bool {
-        self.lease.is_some_and(|lease| matches!(lease.orphan, Some(Orphan::Unseen { .. } | Orphan::Running(_))))
+        let is_awaited = |it| matches!(it, Orphan::Unseen { .. } | Orphan::Listening { .. } | Orphan::Running(_));
+        self.lease.and_then(|lease| lease.orphan).is_some_and(is_awaited)
     }
 
     /// The drive shows at `now` that its motor turns. For an orphaned lease, the owner's time begins here.
@@ -67,10 +90,10 @@ impl DriveGuard {
             }
             Some(Orphan::Unseen { was_orphaned: false }) => {
                 lease.orphan = Some(Orphan::Running(Cause::Orphaned));
-                lease.until = now + control.lost_after;
+                lease.until = lease.until.min(now + control.lost_after);
             }
             Some(Orphan::TakenUp) => lease.orphan = None,
-            Some(Orphan::Running(_)) | None => {}
+            Some(Orphan::Listening { .. } | Orphan::Running(_)) | None => {}
         }
     }
 }

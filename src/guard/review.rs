@@ -23,8 +23,6 @@ pub struct Facts {
     pub line_is_up: bool,
     /// Another gateway of the line sends, or may send: this one listens.
     pub listens: bool,
-    /// That gateway is alive, as far as can be heard: it is the one to stop the drive.
-    pub other_is_alive: bool,
     /// Too many exchanges with the drive fail.
     pub line_is_bad: bool,
     /// The drive has stopped answering.
@@ -113,7 +111,7 @@ impl DriveGuard {
     }
 
     fn review_stop(&mut self, origin: Origin, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
-        may_stop(origin, facts)?;
+        may_stop(origin)?;
         self.stop(origin, false, facts, now)
     }
 
@@ -124,7 +122,7 @@ impl DriveGuard {
         facts: &Facts,
         now: MonoTime,
     ) -> Result<Verdict, Report> {
-        may_stop(origin, facts)?;
+        may_stop(origin)?;
         self.may_do(ControlAction::Coast, control)?;
         self.stop(origin, true, facts, now)
     }
@@ -249,10 +247,7 @@ fn comes_over_the_bus(control: &ControlSettings, order: &Order) -> Result<(), Re
     if may { Ok(()) } else { Err(refused(Reason::NotOverBus)) }
 }
 
-/// A stop is refused only where another gateway would carry it out, and this one may not send.
-fn may_stop(origin: Origin, facts: &Facts) -> Result<(), Report> {
-    if !origin.rights.stop {
-        return Err(refused(Reason::NotAllowed));
-    }
-    if facts.listens && facts.other_is_alive { Err(refused(Reason::Standby)) } else { Ok(()) }
+/// A stop is carried out by a gateway that listens, too.
+fn may_stop(origin: Origin) -> Result<(), Report> {
+    if origin.rights.stop { Ok(()) } else { Err(refused(Reason::NotAllowed)) }
 }

@@ -42,7 +42,7 @@ pub struct DriveGuard {
     stops: u64,
     epoch: u64,
     /// When the drive was added. Orders issued before do not start it.
-    found_at: MonoTime,
+    pub(super) found_at: MonoTime,
     /// When the right to start last ended, by a stop, a trip or a lost lease. Orders issued before do not start the drive.
     pub(super) inhibited_at: Option<MonoTime>,
     /// The last declared action since the last accepted RUN.

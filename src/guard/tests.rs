@@ -21,7 +21,6 @@ pub(super) const STOP: Order = Order::Stop { setpoint: None };
 pub(super) const RESTING: Facts = Facts {
     line_is_up: true,
     listens: false,
-    other_is_alive: false,
     line_is_bad: false,
     is_offline: false,
     is_implausible: false,

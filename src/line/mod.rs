@@ -23,6 +23,7 @@ pub mod diagnosis;
 pub mod echo;
 pub mod exchange;
 pub mod fault;
+pub mod gap;
 pub mod histogram;
 mod occupancy;
 pub mod overheard;

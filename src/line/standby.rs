@@ -6,13 +6,17 @@
 //! between sending a frame and hearing it. So there are never two that may send, without a network and without clocks that
 //! agree.
 
+mod change;
+mod ears;
 mod times;
 
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
+pub use change::Change;
+use ears::Ears;
 use std::time::Duration;
-use times::{CONTEND_WAIT, HAND_OVER_MAX, TIE_BREAK};
-pub use times::{RANK_STEP, SIGNAL_AFTER, StandbyTimes};
+use times::{CONTEND_WAIT, HAND_OVER_MAX, JAM_BREAK, TIE_BREAK};
+pub use times::{RANK_STEP, SIGNAL_AFTER, SIGNALS_WITHIN, StandbyTimes};
 
 /// How many times in a row one waits for [`CONTEND_WAIT`], if what comes is damaged. Silence is more often that of a drive that is
 /// off: then it waits once.
@@ -36,23 +40,6 @@ enum State {
     Active { sent_at: MonoTime },
 }
 
-/// Why the line was given up, or taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Change {
-    /// The line was silent for long enough: this gateway is active from now on.
-    TakenOver,
-    /// It was handed over: this gateway is active from now on.
-    HandedOver,
-    /// This gateway has not sent for too long.
-    Stalled,
-    /// Another master was heard.
-    Rival,
-    /// What came instead of its first replies shows that another one sends as well.
-    Collided,
-    /// It was asked to give the line up.
-    Yielded,
-}
-
 /// The state of the rule on one line.
 #[derive(Clone, Debug)]
 pub struct Standby {
@@ -66,6 +53,9 @@ pub struct Standby {
     contended: u8,
     /// From then on what is received while it listens is known to have come just now.
     attentive_from: MonoTime,
+    /// From then on another gateway that has taken the line would have been heard to say so.
+    informed_from: MonoTime,
+    ears: Ears,
     seed: u64,
 }
 
@@ -80,6 +70,8 @@ impl Standby {
             accept_at: None,
             contended: 0,
             attentive_from: MonoTime::ZERO,
+            informed_from: MonoTime::ZERO,
+            ears: Ears::NEW,
             seed,
         }
     }
@@ -133,6 +125,25 @@ impl Standby {
         looked && now >= self.attentive_from
     }
 
+    /// From when on a gateway that may not send knows enough of the line to put a stop between the frames of another: one
+    /// that is declared also needs to know that no other gateway is there to see to it.
+    #[must_use]
+    pub fn stops_from(&self, is_declared: bool) -> MonoTime {
+        if is_declared { self.attentive_from.max(self.informed_from) } else { self.attentive_from }
+    }
+
+    /// Whether it would have heard another gateway that has taken the line.
+    #[must_use]
+    pub fn is_informed(&self, now: MonoTime) -> bool {
+        now >= self.informed_from
+    }
+
+    /// Whether it fell silent because it heard no drive, and has heard nothing since.
+    #[must_use]
+    pub const fn is_deaf(&self) -> bool {
+        self.ears.are_in_doubt()
+    }
+
     /// When another gateway or master was last heard; `None` if never since the port was opened.
     #[must_use]
     pub const fn heard_at(&self) -> Option<MonoTime> {
@@ -159,15 +170,20 @@ impl Standby {
                 let silence = quiet_from + self.times.take_over_after + extra;
                 Some(silence.min(looked_at + LOOK_EVERY).min(self.accept_at.unwrap_or(silence)))
             }
-            State::Claiming { until, .. } => Some(until),
-            State::Active { sent_at } => Some(sent_at + self.times.silent_at_most),
+            State::Claiming { until, .. } => Some(until.min(self.deaf_at())),
+            State::Active { sent_at } => Some((sent_at + self.times.silent_at_most).min(self.deaf_at())),
         }
     }
 
+    fn deaf_at(&self) -> MonoTime {
+        self.ears.silent_at().unwrap_or(MonoTime::NEVER)
+    }
+
     /// The port was opened at `now`.
-    pub const fn port_opened(&mut self, now: MonoTime) {
+    pub fn port_opened(&mut self, now: MonoTime) {
         self.heard_at = None;
         self.accept_at = None;
+        self.informed_from = now + SIGNALS_WITHIN;
         self.state = State::Listening { quiet_from: now, looked_at: now, extra: Duration::ZERO };
     }
 
@@ -204,6 +220,7 @@ impl Standby {
             *quiet_from = now;
             // The line has its gateway: no other one has to be let in first.
             *extra = Duration::ZERO;
+            self.ears.heard();
             self.heard_at = Some(now);
             // Another one has accepted the line.
             self.accept_at = None;
@@ -215,6 +232,35 @@ impl Standby {
     pub const fn heard_alone(&mut self, now: MonoTime) {
         if let State::Listening { quiet_from, .. } = &mut self.state {
             *quiet_from = now;
+            self.ears.heard();
+        }
+    }
+
+    /// A drive has answered a request of this gateway at `now`.
+    pub const fn answered(&mut self, now: MonoTime) {
+        self.ears.answered(now);
+    }
+
+    /// A request of this gateway had no sound reply.
+    pub const fn missed(&mut self) {
+        if self.is_active() {
+            self.ears.missed();
+        }
+    }
+
+    /// The last byte, of whatever kind, was received at `at`: there was no silence before.
+    pub fn received(&mut self, at: MonoTime) {
+        if let State::Listening { quiet_from, .. } = &mut self.state {
+            *quiet_from = (*quiet_from).max(at);
+        }
+    }
+
+    /// A jam is over at `now`: the silence begins for all gateways at once, and a random part separates those of one rank.
+    pub fn jam_ended(&mut self, now: MonoTime) {
+        let random = self.random(JAM_BREAK);
+        if let State::Listening { quiet_from, extra, .. } = &mut self.state {
+            *quiet_from = now;
+            *extra = (*extra).max(random);
         }
     }
 
@@ -225,6 +271,9 @@ impl Standby {
             // The other one may have given the line up by this gateway's own frame: the random part of the wait stays.
             self.listen(now);
             self.heard_at = Some(now);
+            // It has heard all that was sent up to now.
+            self.informed_from = now;
+            self.ears.heard();
         } else {
             self.heard(now);
         }
@@ -269,7 +318,17 @@ impl Standby {
         }
     }
 
+    /// The line was handed over at `now`, and this gateway does not take it: the other one takes it back first.
+    pub fn refused(&mut self, now: MonoTime) {
+        self.heard(now);
+        let longer = self.times.take_over_after * 2;
+        if let State::Listening { extra, .. } = &mut self.state {
+            *extra = longer;
+        }
+    }
+
     fn take(&mut self, now: MonoTime) {
+        self.ears.taken(now);
         self.accept_at = None;
         self.contended = 0;
         // The others must hear it at once: the next rank is waiting.
@@ -285,8 +344,16 @@ impl Standby {
         match self.state {
             State::Deaf => None,
             State::Claiming { .. } | State::Active { .. } if self.due_at().is_some_and(|at| now < at) => None,
+            State::Claiming { .. } | State::Active { .. } if now >= self.deaf_at() => {
+                let wait = self.ears.fall_silent(self.times.take_over_after);
+                let extra = wait + self.random(wait);
+                (self.attentive_from, self.informed_from) = (now, now);
+                self.state = State::Listening { quiet_from: now, looked_at: now, extra };
+                Some(Change::Deaf)
+            }
             State::Claiming { .. } | State::Active { .. } => {
                 self.listen(now);
+                self.informed_from = now + SIGNALS_WITHIN;
                 Some(Change::Stalled)
             }
             State::Listening { quiet_from, looked_at, extra } => {
@@ -294,6 +361,7 @@ impl Standby {
                 if was_suspended {
                     self.accept_at = None;
                     self.attentive_from = now + LOOK_MAX;
+                    self.informed_from = now + SIGNALS_WITHIN;
                 }
                 let quiet_from = if was_suspended { now } else { quiet_from };
                 if is_free && self.accept_at.is_some_and(|at| now >= at) {
@@ -317,14 +385,8 @@ impl Standby {
         self.state = State::Listening { quiet_from: now, looked_at: now, extra };
     }
 
-    /// A random time up to `longest`.
     fn random(&mut self, longest: Duration) -> Duration {
-        // SplitMix64.
-        self.seed = self.seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mixed = (self.seed ^ (self.seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        let thousandths = u32::try_from((mixed >> 33) % 1001).unwrap_or(0);
-        longest * thousandths / 1000
+        times::random(&mut self.seed, longest)
     }
 }
 

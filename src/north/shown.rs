@@ -281,6 +281,9 @@ pub fn standby(report: Option<&StandbyReport>, pair: Option<&StandbyPair>) -> Va
             "rivals": report.rivals,
             "hears_other": report.hears_other,
             "listener": report.listener,
+            "deaf": report.trouble.is_deaf,
+            "files_differ": report.trouble.files_differ,
+            "unknown_station": report.trouble.unknown_station.map(|station| station.0),
         })
     })
 }

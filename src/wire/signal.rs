@@ -6,6 +6,7 @@
 
 use super::pdu::Request;
 use crate::domain::address::{Address, Table};
+use crate::domain::command::Direction;
 use crate::domain::ids::Station;
 
 /// The station that they are for.
@@ -23,6 +24,12 @@ const HAND_OVER_WORDS: u16 = 70;
 const QUESTION_WORDS: u16 = 63;
 /// The number of words that says: I listen.
 const LISTENING_WORDS: u16 = 76;
+/// The same, and: my drives are not yours.
+const DIFFERS_WORDS: u16 = 79;
+/// The number of words of a digest of the sender's drives, which stands in the address.
+const DIGEST_WORDS: u16 = 91;
+/// The number of words of the order of a drive, which stand in the address.
+const ORDER_WORDS: u16 = 94;
 
 /// What a gateway says to the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +42,57 @@ pub enum SignalKind {
     Question,
     /// It listens: the answer to that.
     Listening,
+    /// The same, and its drives differ from those of the one that asks.
+    Differs,
+}
+
+impl SignalKind {
+    /// Whether it comes from a gateway that only listens.
+    #[must_use]
+    pub const fn is_of_listener(self) -> bool {
+        matches!(self, Self::Listening | Self::Differs)
+    }
+}
+
+/// What the active gateway tells the others, without saying who it is: a copy of it means nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Word {
+    /// A digest of its drives on the line.
+    Digest(u16),
+    /// The order by which the drive at this station runs; `None`: it runs, and not by an order over the line.
+    Order(Station, Option<Direction>),
+}
+
+impl Word {
+    /// The request that says it.
+    #[must_use]
+    pub const fn request(self) -> Request {
+        let (number, count) = match self {
+            Self::Digest(digest) => (digest, DIGEST_WORDS),
+            Self::Order(station, order) => {
+                let order = match order {
+                    None => 0,
+                    Some(Direction::Forward) => 1,
+                    Some(Direction::Reverse) => 2,
+                };
+                (u16::from_be_bytes([station.0, order]), ORDER_WORDS)
+            }
+        };
+        Request::Read { address: Address::holding(number), count }
+    }
+
+    /// What the frame for `station` with `pdu` tells, if it is of this kind.
+    #[must_use]
+    pub fn decode(station: Station, pdu: &[u8]) -> Option<Self> {
+        let (number, count) = read_of_signal(station, pdu)?;
+        match (count, number.to_be_bytes()) {
+            (DIGEST_WORDS, _) => Some(Self::Digest(number)),
+            (ORDER_WORDS, [station, 0]) => Some(Self::Order(Station(station), None)),
+            (ORDER_WORDS, [station, 1]) => Some(Self::Order(Station(station), Some(Direction::Forward))),
+            (ORDER_WORDS, [station, 2]) => Some(Self::Order(Station(station), Some(Direction::Reverse))),
+            _ => None,
+        }
+    }
 }
 
 /// One frame of a gateway to the others.
@@ -55,6 +113,7 @@ impl Signal {
             SignalKind::HandOver => HAND_OVER_WORDS,
             SignalKind::Question => QUESTION_WORDS,
             SignalKind::Listening => LISTENING_WORDS,
+            SignalKind::Differs => DIFFERS_WORDS,
         };
         Request::read(Address::holding(self.sender), count)
     }
@@ -62,19 +121,23 @@ impl Signal {
     /// The signal in a frame for `station` with `pdu`, if it is one.
     #[must_use]
     pub fn decode(station: Station, pdu: &[u8]) -> Option<Self> {
-        if station != STATION {
-            return None;
-        }
-        let Request::Read { address, count } = Request::decode(pdu)? else { return None };
+        let (sender, count) = read_of_signal(station, pdu)?;
         let kind = match count {
             ACTIVE_WORDS => SignalKind::Active,
             HAND_OVER_WORDS => SignalKind::HandOver,
             QUESTION_WORDS => SignalKind::Question,
             LISTENING_WORDS => SignalKind::Listening,
+            DIFFERS_WORDS => SignalKind::Differs,
             _ => return None,
         };
-        (address.table() == Table::Holding).then_some(Self { kind, sender: address.number() })
+        Some(Self { kind, sender })
     }
+}
+
+/// The address and the number of words of a read from the station of signals.
+fn read_of_signal(station: Station, pdu: &[u8]) -> Option<(u16, u16)> {
+    let Request::Read { address, count } = Request::decode(pdu).filter(|_| station == STATION)? else { return None };
+    (address.table() == Table::Holding).then(|| (address.number(), count))
 }
 
 #[cfg(test)]
@@ -83,7 +146,9 @@ mod tests {
 
     #[test]
     fn a_signal_is_what_it_was_and_nothing_else_is_one() {
-        for kind in [SignalKind::Active, SignalKind::HandOver, SignalKind::Question, SignalKind::Listening] {
+        for kind in
+            [SignalKind::Active, SignalKind::HandOver, SignalKind::Question, SignalKind::Listening, SignalKind::Differs]
+        {
             let signal = Signal { kind, sender: 0xBEEF };
             let mut pdu = Vec::new();
             signal.request().encode(&mut pdu);
@@ -94,6 +159,21 @@ mod tests {
                 other[place] = value;
                 assert_eq!(Signal::decode(STATION, &other), None, "{place}");
             }
+        }
+    }
+
+    #[test]
+    fn a_word_is_what_it_was_and_no_signal() {
+        for word in [
+            Word::Digest(0xBEEF),
+            Word::Order(Station(247), None),
+            Word::Order(Station(1), Some(Direction::Forward)),
+            Word::Order(Station(2), Some(Direction::Reverse)),
+        ] {
+            let mut pdu = Vec::new();
+            word.request().encode(&mut pdu);
+            assert_eq!((pdu.len(), Word::decode(STATION, &pdu)), (PDU_BYTES, Some(word)));
+            assert_eq!((Word::decode(Station(1), &pdu), Signal::decode(STATION, &pdu)), (None, None));
         }
     }
 }

@@ -191,7 +191,7 @@ impl Play {
         self.pass(MS(800));
         let told = [0, 1].map(|half| self.pair.told(half, tickets[half]));
         let is_taken = |told: &Option<(Outcome, Reason)>| !matches!(told, None | Some((Outcome::Refused, _)));
-        assert!(!told.iter().all(is_taken), "{told:?}");
+        assert!(order.is_stop() || !told.iter().all(is_taken), "{told:?}");
         self.seen.commands += 1;
         tickets
     }

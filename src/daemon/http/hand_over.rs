@@ -96,7 +96,7 @@ mod tests {
     use crate::domain::ids::Name;
     use crate::domain::link::{Framing, Interface, LinkSettings};
     use crate::domain::report::LineReport;
-    use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
+    use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
     use crate::drive::description::DriveRef;
     use crate::journal::Attempt;
     use crate::line::standby::StandbyTimes;
@@ -114,6 +114,7 @@ mod tests {
         hears_other: false,
         listener: None,
         kept: 0,
+        trouble: StandbyTrouble { is_deaf: false, files_differ: false, unknown_station: None },
     };
     const LISTENING: StandbyReport = StandbyReport { role: LineRole::Listening, given_up: 1, ..ACTIVE };
     const HEARS: StandbyReport = StandbyReport { hears_other: true, ..LISTENING };

@@ -16,7 +16,7 @@ use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
 use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, LineWaiting};
 use crate::domain::report::{ReplyReport, StationReport, StopBounds};
-use crate::domain::standby::{LineRole, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::{DriveSnapshot, Presence};
@@ -286,6 +286,7 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
         hears_other: false,
         listener: Some(true),
         kept: 0,
+        trouble: StandbyTrouble::default(),
     };
     show(&state, LineReport { standby: Some(standby), ..UP }, DriveView::default());
     let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
@@ -301,7 +302,8 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
     }
     let health = super::health::health(&state, clock::now());
     let expected = serde_json::json!({ "role": "active", "half": null, "partner": null, "take_overs": 3, "given_up": 2,
-        "rivals": 1, "hears_other": false, "listener": true });
+        "rivals": 1, "hears_other": false, "listener": true, "deaf": false, "files_differ": false,
+        "unknown_station": null });
     assert_eq!(health["lines"][0]["standby"], expected);
 }
 

@@ -16,7 +16,7 @@ use crate::domain::ids::{Name, UnitId};
 use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
 use crate::domain::report::LineReport;
-use crate::domain::standby::{LineRole, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::drive::description::{DriveDescription, DriveRef, Points};
 use crate::drive::snapshot::Presence;
 use crate::drive::view::{ControlView, DriveView};
@@ -572,6 +572,7 @@ fn a_listener_answers_native_reads_from_what_it_heard() {
                 hears_other: true,
                 listener: None,
                 kept: 0,
+                trouble: StandbyTrouble::default(),
             };
             LineReport { standby: Some(standby), ..LineReport::default() }
         };

@@ -13,7 +13,7 @@ use crate::daemon::service::conversations::{BrokerSide, Sparkplug};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::domain::link::Wiring;
 use crate::domain::report::LineReport;
-use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::plan::Pace;
 use crate::gateway::{DriveSetup, LineSetup};
@@ -72,8 +72,16 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
     if standby.is_some() {
         // Before the first report of its thread it must not be taken for the only gateway there.
         let role = LineRole::Listening;
-        let standby =
-            StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: false, listener: None, kept: 0 };
+        let standby = StandbyReport {
+            role,
+            take_overs: 0,
+            given_up: 0,
+            rivals: 0,
+            hears_other: false,
+            listener: None,
+            kept: 0,
+            trouble: StandbyTrouble::default(),
+        };
         shared.set_report(LineReport { standby: Some(standby), ..LineReport::default() });
     }
     shared.shared_with(standby)

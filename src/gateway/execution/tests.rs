@@ -41,7 +41,6 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
     let facts = Facts {
         line_is_up: true,
         listens: false,
-        other_is_alive: false,
         line_is_bad: false,
         is_offline: false,
         is_implausible: false,

@@ -59,7 +59,8 @@ impl DriveWork {
     }
 
     /// Whether the readings of the motor are fresh.
-    pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
+    #[must_use]
+    pub fn is_fresh(&self, now: MonoTime) -> bool {
         let is_fresh = |address: Address, at: Option<MonoTime>| {
             let class = self.model.register_at(address).and_then(|register| register.poll);
             let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;

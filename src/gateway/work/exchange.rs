@@ -314,6 +314,7 @@ impl DriveWork {
 
     /// RUN was sent: unless the motor turns already, it starts.
     fn starts(&mut self, now: MonoTime) {
+        self.may_run_on = true;
         if !self.output.is_active() {
             self.guard.started(now);
         }

@@ -11,6 +11,17 @@ pub(super) enum HeardOrder {
     Nothing,
     /// To run, since this moment.
     Run(Direction, MonoTime),
+    /// None: it runs, and was not started over the line, as the one that was active knows.
+    Elsewhere,
     /// To stop, or to cut the output off.
     Stop { coast: bool },
+}
+
+/// What the drive does is not known although this gateway has taken the line: its first readings decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Unsettled {
+    /// The line was handed over: a drive that runs goes on.
+    pub goes_on: bool,
+    /// Until then a reading is awaited that shows whether the drive obeys its panel.
+    pub until: MonoTime,
 }

@@ -1,6 +1,7 @@
 //! One drive's own work apart from polls and native reads: its stop, its commands, its trips, and their view.
 
 mod again;
+mod between;
 mod command;
 mod durable;
 mod exchange;
@@ -41,7 +42,7 @@ use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model};
 use crate::wire::pdu::Request;
 use again::Answered;
-use heard_order::HeardOrder;
+use heard_order::{HeardOrder, Unsettled};
 pub use readings::Reading;
 use rows::{DurableTrips, Opening};
 use standing::Standing;
@@ -142,6 +143,10 @@ pub struct DriveWork {
     commands: u16,
     /// The last order of another gateway of the line.
     heard: HeardOrder,
+    /// The drive was sent an order to run, and has since neither been seen at standstill without one nor stopped from here.
+    may_run_on: bool,
+    /// This gateway has taken the line, and does not know yet whether the drive is ordered to run.
+    unsettled: Option<Unsettled>,
     /// Whether it is in sight, and what was last seen of it.
     sight: Sight,
     /// What the drive has used.
@@ -196,6 +201,8 @@ impl DriveWork {
             last: None,
             commands: 0,
             heard: HeardOrder::Nothing,
+            may_run_on: false,
+            unsettled: None,
             sight: Sight::default(),
             usage: Sums::new(model, Pace::new(Duration::ZERO, 1.0)),
             has_changed: true,
@@ -332,7 +339,6 @@ impl DriveWork {
         Facts {
             line_is_up,
             listens: false,
-            other_is_alive: false,
             line_is_bad: false,
             is_offline,
             is_implausible: false,

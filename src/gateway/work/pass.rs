@@ -13,6 +13,7 @@ use crate::journal::{Cause, Entry};
 impl DriveWork {
     /// Applies the changes caused by time alone.
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        self.settle(now, out);
         // A stop that has taken effect is all that can be done, even while the ramp lasts.
         let at_rest = self.latch.is_none() && (self.is_at_standstill() || self.is_stopping);
         let had_lease = self.guard.lease().is_some();
@@ -45,7 +46,10 @@ impl DriveWork {
         let current = self.current.as_ref().filter(|execution| !execution.has_begun() && self.flight.is_none());
         let executions = current.into_iter().chain(&self.waiting).map(Execution::start_before).min();
         let opening = self.opening.map(|opening| opening.until);
-        [self.guard.next_wake(), stop, self.left_at(), executions, opening].into_iter().flatten().min()
+        [self.guard.next_wake(), stop, self.left_at(), executions, opening, self.settles_at()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {

@@ -1,5 +1,6 @@
 //! Readings of the drive: output frequency and trips.
 
+use super::heard_order::HeardOrder;
 use super::{DriveWork, Out};
 use crate::domain::address::Address;
 use crate::domain::command::{Outcome, Reason, Report, RunIntent};
@@ -60,6 +61,7 @@ impl DriveWork {
         }
         if self.is_at_standstill() && self.latch.is_none() {
             self.heard_stop_is_over();
+            self.may_run_on &= matches!(self.guard.intent(), RunIntent::Run(_));
             self.is_stopping = false;
             self.guard.at_standstill();
         }
@@ -112,6 +114,8 @@ impl DriveWork {
         let Some(mut latch) = self.latch.take() else { return };
         if latch.is_acknowledged() {
             self.guard.stop_was_effective();
+            self.may_run_on = false;
+            self.heard = HeardOrder::Nothing;
             self.is_stop_refused = false;
             self.stop_refused_at = None;
         }

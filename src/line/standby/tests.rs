@@ -189,6 +189,57 @@ fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
     }
 }
 
+/// Sends on and on from `from` to `until`, and asks in vain; returns the first change and when it came.
+fn in_vain(rule: &mut Standby, from: u64, until: u64) -> Option<(u64, Change)> {
+    for now in (from..until).step_by(100) {
+        rule.sent(MonoTime::from_millis(now));
+        rule.missed();
+        if let Some(change) = rule.pass(MonoTime::from_millis(now), true) {
+            return Some((now, change));
+        }
+    }
+    None
+}
+
+#[test]
+fn one_that_hears_no_drive_leaves_the_line_for_longer_and_longer_until_it_hears_something() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(0);
+    assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
+    let mut now = 2500;
+    for least in [10_000, 20_000, 40_000, 40_000] {
+        assert_eq!(in_vain(&mut rule, now, now + 9000), Some((now + 3000, Change::Deaf)));
+        assert!(rule.is_deaf());
+        now += 3000;
+        let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 200_000) else { panic!("not taken over") };
+        let waited = taken - now;
+        assert!(waited >= least + 2500 && waited <= 2 * least + 2500, "{waited}");
+        now = taken;
+    }
+    assert!(in_vain(&mut rule, now, now + 9000).is_some());
+    // Its receiver works: the drives are off, and it goes on alone.
+    rule.heard(at(now + 9000));
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 20_000) else { panic!("not taken over") };
+    assert_eq!((taken, rule.is_deaf()), (now + 11_500, false));
+    assert_eq!(in_vain(&mut rule, taken, taken + 60_000), None);
+    // A drive is back. When it falls silent again, the line is left once more.
+    rule.answered(at(taken + 60_000));
+    assert!(matches!(in_vain(&mut rule, taken + 60_000, taken + 80_000), Some((_, Change::Deaf))));
+}
+
+#[test]
+fn bytes_of_any_kind_are_no_silence() {
+    let at = MonoTime::from_millis;
+    let mut rule = opened(0);
+    for now in (0..20_000).step_by(1000) {
+        rule.received(at(now));
+        assert_eq!(silent(&mut rule, now + 900), None);
+    }
+    rule.jam_ended(at(20_000));
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, 30_000) else { panic!("not taken over") };
+    assert!((22_500..=22_750).contains(&taken), "{taken}");
+}
+
 /// Two gateways in steps of a quarter of a second. One clock runs fast by two per cent.
 const STEP: [Duration; 2] = [Duration::from_millis(250), Duration::from_millis(255)];
 const MS_250: Duration = Duration::from_millis(250);

@@ -16,6 +16,15 @@ const ACCEPT_STEP: Duration = Duration::from_millis(200);
 const ANSWER_STEP: Duration = Duration::from_millis(30);
 /// Longest random wait before a line that two gateways gave up is taken again.
 pub(super) const TIE_BREAK: Duration = Duration::from_millis(500);
+/// The same after a jam, during which nobody sent: shorter than the step between two ranks.
+pub(super) const JAM_BREAK: Duration = Duration::from_millis(250);
+/// How long a gateway sends without a sound reply before it falls silent: its receiver may be dead.
+pub(super) const DEAF_AFTER: Duration = Duration::from_secs(3);
+/// How long it then waits at least, in silences for a take-over.
+pub(super) const DEAF_WAITS: u32 = 4;
+/// A gateway that begins to listen, or missed something, has heard a signal of the one that is active by then: each asks
+/// once a minute who listens.
+pub const SIGNALS_WITHIN: Duration = Duration::from_secs(65);
 /// Longest random wait before the next frame, if no drive has answered since the line was taken over.
 pub(super) const CONTEND_WAIT: Duration = Duration::from_millis(250);
 /// The least of [`StandbyTimes::silent_at_most`].
@@ -87,4 +96,14 @@ impl StandbyTimes {
     pub fn worst_take_over(&self) -> Duration {
         self.take_over_after + TIE_BREAK
     }
+}
+
+/// A random time up to `longest`.
+pub(super) fn random(seed: &mut u64, longest: Duration) -> Duration {
+    // SplitMix64.
+    *seed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let mixed = (*seed ^ (*seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    let thousandths = u32::try_from((mixed >> 33) % 1001).unwrap_or(0);
+    longest * thousandths / 1000
 }

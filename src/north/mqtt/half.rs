@@ -128,14 +128,16 @@ impl Half {
         line.map_or(self.pair.is_none(), |line| self.speaks_for_line(line))
     }
 
-    /// Whether a command for the drive at this place is for this gateway. A stop is, while another is not heard on the
-    /// line: the line decides.
+    /// Whether a command for the drive at this place is for this gateway. A stop is, unless another gateway says that it is
+    /// active on the line, and something is heard there: a foreign master may hold the line, and carries out no stops.
     pub(super) fn may_take(&self, drive: usize, is_a_stop: bool) -> bool {
-        let is_alone = || {
-            let line = self.drives.get(drive).copied().flatten().and_then(|line| self.lines.get(line));
-            line.and_then(|line| line.seen.flatten()).is_some_and(|report| !report.hears_other)
+        let stops = || {
+            let line = self.drives.get(drive).copied().flatten().and_then(|line| self.lines.get(line))?;
+            let is_quiet = line.seen.flatten().is_some_and(|report| !report.hears_other);
+            let is_active = |other: &Other| other.active_on.iter().any(|name| name == line.name.as_str());
+            Some(is_quiet || !self.others.values().any(is_active))
         };
-        self.speaks_for(drive) || is_a_stop && is_alone()
+        self.speaks_for(drive) || is_a_stop && stops() == Some(true)
     }
 
     /// Whether trip events of the drive at this place may be told.
@@ -236,7 +238,7 @@ impl Half {
         let half = self.pair.as_ref().map(|pair| pair.half.as_str());
         let partner = self.pair.as_ref().map(|pair| pair.partner.as_str());
         let of_line = |line: &Line| {
-            let StandbyReport { role, take_overs, given_up, rivals, hears_other, listener, kept: _ } =
+            let StandbyReport { role, take_overs, given_up, rivals, hears_other, listener, kept: _, trouble: _ } =
                 line.seen.flatten()?;
             Some(json!({
                 "name": line.name.as_str(),

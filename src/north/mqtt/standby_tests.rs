@@ -4,7 +4,7 @@ use super::harness::{Rig, Staged, commands, kept, message, name, on, orders, pub
 use super::types::{Act, HomeAssistant, Settings};
 use crate::domain::command::{Order, Outcome, Reason};
 use crate::domain::ids::DriveIndex;
-use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
 use crate::drive::description::DriveRef;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
 use crate::journal::StoredEvent;
@@ -13,7 +13,16 @@ use serde_json::{Value, json};
 
 pub(super) fn report(role: LineRole) -> StandbyReport {
     let hears_other = role == LineRole::Listening;
-    StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other, listener: None, kept: 0 }
+    StandbyReport {
+        role,
+        take_overs: 0,
+        given_up: 0,
+        rivals: 0,
+        hears_other,
+        listener: None,
+        kept: 0,
+        trouble: StandbyTrouble::default(),
+    }
 }
 
 pub(super) fn pair(half: &str, partner: &str) -> StandbyPair {
@@ -109,6 +118,7 @@ fn the_end_of_another_never_hides_this_one() {
 #[test]
 fn a_listener_leaves_commands_to_the_active_one() {
     let mut rig = connected(LineRole::Listening);
+    rig.send("standby/a", br#"{"half": "a", "online": true, "lines": [{"name": "hall", "role": "active"}]}"#);
     for (topic, payload) in [
         ("drive/pump/run/set", &b"forward"[..]),
         ("drive/pump/run/set", b"stop"),
@@ -138,6 +148,15 @@ fn a_stop_that_no_one_else_may_hear_goes_to_the_line() {
     let ticket = commands(&acts)[0].ticket;
     let acts = rig.answer(ticket, Outcome::Refused, Reason::Standby, true);
     assert!(results(&acts).is_empty(), "the other one may answer");
+    assert_eq!(orders(&rig.send("all/run/set", b"stop")), [&Order::Stop { setpoint: None }]);
+    assert!(commands(&rig.send("drive/pump/run/set", b"forward")).is_empty());
+}
+
+#[test]
+fn a_stop_is_not_left_to_a_foreign_master() {
+    let mut rig = connected(LineRole::Listening);
+    rig.send("standby/a", br#"{"half": "a", "online": true, "lines": [{"name": "hall", "role": "listening"}]}"#);
+    assert_eq!(orders(&rig.send("drive/pump/run/set", b"stop")), [&Order::Stop { setpoint: None }]);
     assert_eq!(orders(&rig.send("all/run/set", b"stop")), [&Order::Stop { setpoint: None }]);
     assert!(commands(&rig.send("drive/pump/run/set", b"forward")).is_empty());
 }

@@ -12,7 +12,7 @@ use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds};
-use crate::domain::standby::{LineRole, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
@@ -465,16 +465,29 @@ fn a_line_in_trouble_says_what_to_look_at() {
 
 #[test]
 fn a_line_with_several_gateways_tells_who_sends() {
-    let said = |role, hears_other, rivals| {
+    let told = |role, hears_other, rivals, trouble| {
         let listener = (role == LineRole::Active).then_some(rivals == 0);
-        let standby = StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other, listener, kept: 0 };
+        let standby = StandbyReport {
+            role,
+            take_overs: 1,
+            given_up: 1,
+            rivals,
+            hears_other,
+            listener,
+            kept: 0,
+            trouble,
+        };
         let advice = with_line(LineReport { standby: Some(standby), ..up() }, false, |line| line.advice());
         advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
     };
+    let said = |role, hears_other, rivals| told(role, hears_other, rivals, StandbyTrouble::default());
     assert_eq!(said(LineRole::Listening, true, 0), []);
     assert_eq!(said(LineRole::Active, false, 0), []);
     assert_eq!(said(LineRole::Listening, false, 0), [Sign::NoGatewayActive]);
     assert_eq!(said(LineRole::Active, false, 2), [Sign::NoListener, Sign::RivalOnLine]);
+    let trouble = StandbyTrouble { is_deaf: true, files_differ: true, unknown_station: Some(Station(9)) };
+    let signs = [Sign::LineDeaf, Sign::FilesDiffer, Sign::Stranger];
+    assert_eq!(told(LineRole::Listening, true, 0, trouble), signs);
 }
 
 #[test]

@@ -2,11 +2,19 @@
 
 use super::harness::*;
 use super::types::{Act, Settings};
-use crate::domain::standby::{LineRole, StandbyReport};
+use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 
 fn set(rig: &mut Rig, role: LineRole) -> Vec<Act> {
-    rig.lines[0].report.standby =
-        Some(StandbyReport { role, take_overs: 0, given_up: 0, rivals: 0, hears_other: true, listener: None, kept: 0 });
+    rig.lines[0].report.standby = Some(StandbyReport {
+        role,
+        take_overs: 0,
+        given_up: 0,
+        rivals: 0,
+        hears_other: true,
+        listener: None,
+        kept: 0,
+        trouble: StandbyTrouble::default(),
+    });
     rig.acts()
 }
 

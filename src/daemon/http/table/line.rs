@@ -117,6 +117,17 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
          does not send, or does not know.",
         |line| truth(line.standby?.listener?),
     ),
+    gauge(
+        "line_deaf",
+        "1 while this gateway hears no sound frame although it should; absent where it is alone.",
+        |line| truth(line.standby?.trouble.is_deaf),
+    ),
+    gauge(
+        "line_files_differ",
+        "1 while the other gateway of the line has other drives, limits or declared actions there, or talks to a station that \
+         this one lacks; absent where it is alone.",
+        |line| truth(line.standby.map(|it| it.trouble.files_differ || it.trouble.unknown_station.is_some())?),
+    ),
     counter("line_take_overs", "Times that this gateway took the line over.", |line| Some(line.standby?.take_overs)),
     counter("line_given_up", "Times that this gateway gave the line up.", |line| Some(line.standby?.given_up)),
     counter("line_rivals", "Times that another master was heard while this gateway was active.", |line| {

@@ -36,6 +36,16 @@ impl Line<'_> {
             if standby.listener == Some(false) {
                 said.say(Sign::NoListener, Sentence::new("finding.no_listener"));
             }
+            if standby.trouble.is_deaf {
+                said.say(Sign::LineDeaf, Sentence::new("finding.line_deaf"));
+            }
+            if standby.trouble.files_differ {
+                said.say(Sign::FilesDiffer, Sentence::new("finding.files_differ"));
+            }
+            if let Some(station) = standby.trouble.unknown_station {
+                let sentence = Sentence::new("finding.unknown_station").with("station", u64::from(station.0));
+                said.say(Sign::Stranger, sentence);
+            }
             if standby.rivals > 0 {
                 said.say(Sign::RivalOnLine, Sentence::new("finding.rival_on_line").with("times", standby.rivals));
             }

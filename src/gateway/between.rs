@@ -1,0 +1,105 @@
+//! A stop goes out from a gateway that may not send, too: as a single frame between those of the master that does.
+
+use super::core::{LineCore, Purpose};
+use super::work::{Rank, Want};
+use crate::domain::ids::DriveIndex;
+use crate::domain::time::MonoTime;
+use crate::line::exchange::Ending;
+use crate::wire::framing;
+
+impl LineCore {
+    /// This gateway may not send at `now`: sends a stop that waits, if it is time for that.
+    pub(super) fn stop_between(&mut self, now: MonoTime) {
+        let Some((drive, want)) =
+            self.next_between(now).filter(|(at, ..)| *at <= now).map(|(_, drive, want)| (drive, want))
+        else {
+            return;
+        };
+        let Some(share) = &mut self.share else { return };
+        share.gap.decided(now);
+        if want.rank == Rank::FirstStop && self.stop_all(now) {
+            return;
+        }
+        let is_first = self.drives[drive].work.unsent_stop().is_some();
+        if !self.drives[drive].work.send(want.rank, now, &mut self.effects) {
+            return;
+        }
+        if is_first {
+            self.measured.stop_sent(want.at, now);
+            self.drives[drive].work.stops_between(&mut self.effects);
+        }
+        self.open_exchange(now, (drive, want.request, Purpose::Work(want.rank)));
+    }
+
+    /// When the next stop is sent between the frames of another master, as known at `now`, if nothing more is received.
+    pub(super) fn between_at(&self, now: MonoTime) -> Option<MonoTime> {
+        Some(self.next_between(now)?.0.max(self.wire.may_send_from()))
+    }
+
+    fn next_between(&self, now: MonoTime) -> Option<(MonoTime, DriveIndex, Want)> {
+        let share = self.share.as_ref().filter(|_| self.listens())?;
+        let last_byte_at = self.wire.last_byte_at();
+        let wants = self.drives.iter().filter(|drive| drive.work.has_stop()).flat_map(|drive| {
+            let from = share.rule.stops_from(drive.work.is_stop_declared());
+            drive.work.wants().filter_map(move |want| {
+                let due = drive.wanted_from(&want).max(from);
+                let at = match want.rank {
+                    Rank::FirstStop | Rank::RepeatedStop => share.gap.stop_at(due, last_byte_at, now),
+                    // Another gateway reads its drives itself, and would take a read for one of a rival.
+                    Rank::Look if !drive.work.is_fresh(now) => share.gap.look_at(due, last_byte_at, now),
+                    Rank::Look | Rank::Step | Rank::Trip | Rank::Start => return None,
+                };
+                Some((at, drive.index, want))
+            })
+        });
+        wants.filter(|(at, ..)| *at < MonoTime::NEVER).min_by_key(|(at, _, want)| (*at, want.rank))
+    }
+
+    /// The exchange of such a frame has ended.
+    pub(super) fn between_ended(&mut self, now: MonoTime, drive: DriveIndex, rank: Rank, ending: &Ending) {
+        if !self.listens() {
+            return;
+        }
+        let last_byte_at = self.wire.last_byte_at();
+        let Some(share) = &mut self.share else { return };
+        share.own_bytes_at = last_byte_at;
+        if matches!(ending, Ending::Reply(_) | Ending::Exception(_)) {
+            share.gap.answered();
+        } else if rank != Rank::Look && share.gap.may_repeat(now) {
+            self.drives[drive].work.stop_again_at(now);
+        }
+    }
+
+    /// The gateway shuts down while it listens. Another gateway controls the drives, unless this one would have heard it take
+    /// the line, and still has control.
+    pub(super) fn end_listening(&mut self, now: MonoTime) {
+        let is_informed = self.share.as_ref().is_some_and(|share| share.rule.is_informed(now));
+        for work in self.drives.works_mut() {
+            if is_informed && work.guard().lease().is_some() {
+                work.shut_down(now, &mut self.effects);
+            } else {
+                work.end();
+            }
+        }
+    }
+
+    /// Takes the `frame` of another master as a stop by somebody else, if it is a stop for drives of this line. Such a frame
+    /// comes from a gateway that listens, and ends no role. Returns whether it is one. The reply to a single write repeats it:
+    /// a late one to a stop of this gateway is none.
+    pub(super) fn hears_stop(&mut self, now: MonoTime, frame: &[u8]) -> bool {
+        let decoded = framing::decode(self.timing.framing, frame).filter(|_| self.share.is_some());
+        let Some((_, pdu)) = decoded else { return false };
+        let is_late = |drive: DriveIndex| {
+            let mut own = Vec::new();
+            let late = self.drives[drive].station.answered_late(&pdu, now);
+            late.into_iter().for_each(|(request, _)| request.encode(&mut own));
+            own == *pdu
+        };
+        let mut stopped = self.stops_in(frame);
+        stopped.retain(|(drive, _)| !is_late(*drive));
+        for (drive, coast) in &stopped {
+            self.drives[*drive].work.stopped_by_another(*coast, now, &mut self.effects);
+        }
+        !stopped.is_empty()
+    }
+}

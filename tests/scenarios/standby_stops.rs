@@ -1,0 +1,105 @@
+//! A STOP goes out from every half of a pair: from one that listens, and while a foreign master is heard.
+
+use crate::support::pair::{Pair, sealed};
+use crate::support::{MQTT, RigOptions, STOP, control, plc, run};
+use std::time::Duration;
+use vfd_gateway::domain::command::{Direction, Outcome, Reason};
+use vfd_gateway::domain::control::ControlSettings;
+use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
+use vfd_gateway::domain::time::MonoTime;
+use vfd_gateway::gateway::Input;
+
+const SECOND: Duration = Duration::from_secs(1);
+const MS: fn(u64) -> Duration = Duration::from_millis;
+
+/// A drive that runs at 30 Hz by an order through the first gateway, polled with this period.
+fn running(poll: Duration) -> Pair {
+    let settings = ControlSettings { on_gateway_lost: Some(OnGatewayLost::Stop), ..control() };
+    let mut pair = Pair::running(&RigOptions { control: Some(settings), poll, ..RigOptions::controlled() });
+    pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
+    for _ in 0..12 {
+        alive(&mut pair);
+        pair.pass(SECOND);
+    }
+    assert_eq!(pair.output(1), 3000);
+    pair
+}
+
+/// The client is there, at both gateways.
+fn alive(pair: &mut Pair) {
+    for half in [0, 1] {
+        pair.tell(half, Input::PathAlive(MQTT.owner));
+    }
+}
+
+/// A foreign master reads another drive every 0.4 s for `length`, which answers.
+fn foreign(pair: &mut Pair, length: Duration, is_alive: bool) {
+    let until = pair.now + length;
+    while pair.now < until {
+        let now = pair.now;
+        pair.bus.speak(now, &sealed(&[0x09, 0x03, 0x00, 0x01, 0x00, 0x01]));
+        pair.pass(MS(40));
+        let now = pair.now;
+        pair.bus.speak(now, &sealed(&[0x09, 0x03, 0x02, 0x00, 0x07]));
+        pair.pass(MS(360));
+        if is_alive {
+            alive(pair);
+        }
+    }
+}
+
+fn writes(pair: &Pair, half: usize, from: MonoTime) -> usize {
+    pair.sent.iter().filter(|sent| sent.half == half && sent.at >= from && matches!(sent.pdu[0], 6 | 16)).count()
+}
+
+#[test]
+fn a_stop_at_the_listener_is_carried_out() {
+    for poll in [MS(20), MS(250), SECOND * 3] {
+        let mut pair = running(poll);
+        let begin = pair.now;
+        let ticket = pair.command(1, plc(1), 0, STOP);
+        let took = pair.until(SECOND * 3, |pair| writes(pair, 1, begin) > 0);
+        assert!(took.is_some_and(|took| took <= MS(1100)), "{poll:?}: {took:?}, {:?}", pair.told(1, ticket));
+        for _ in 0..20 {
+            alive(&mut pair);
+            pair.pass(SECOND);
+        }
+        assert_eq!(pair.output(1), 0, "{poll:?}");
+        let told = pair.told(1, ticket);
+        assert!(matches!(told, Some((Outcome::Acknowledged | Outcome::Confirmed, Reason::None))), "{poll:?}: {told:?}");
+        assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening], "{poll:?}");
+        let of_first = pair.view(0, 0).control.unwrap();
+        assert!(of_first.start_inhibited && of_first.lease.is_none(), "it is a stop by somebody else: {of_first:?}");
+        assert!(writes(&pair, 1, begin) <= 6, "{poll:?}: {}", writes(&pair, 1, begin));
+        let end = pair.now;
+        pair.pass(SECOND * 60);
+        assert_eq!(writes(&pair, 1, end), 0, "{poll:?}: it is over");
+    }
+}
+
+#[test]
+fn a_stop_is_carried_out_while_a_foreign_master_is_heard() {
+    for half in [0, 1] {
+        let mut pair = running(MS(250));
+        foreign(&mut pair, SECOND * 3, true);
+        assert_eq!([pair.role(0), pair.role(1)], [LineRole::Listening, LineRole::Listening]);
+        assert_eq!(pair.output(1), 3000);
+        let ticket = pair.command(half, plc(1), 0, STOP);
+        foreign(&mut pair, SECOND * 2, true);
+        assert!(pair.output(1) < 3000, "{half}: {:?}", pair.told(half, ticket));
+        foreign(&mut pair, SECOND * 20, true);
+        let told = pair.told(half, ticket);
+        assert!(matches!(told, Some((Outcome::Acknowledged | Outcome::Confirmed, Reason::None))), "{half}: {told:?}");
+        let end = pair.now;
+        foreign(&mut pair, SECOND * 60, true);
+        assert_eq!(writes(&pair, half, end), 0, "{half}: it is over");
+    }
+}
+
+#[test]
+fn a_lost_commander_stops_the_drive_while_a_foreign_master_is_heard() {
+    let mut pair = running(MS(250));
+    foreign(&mut pair, SECOND, true);
+    foreign(&mut pair, SECOND * 5, false);
+    assert!(pair.output(1) < 3000);
+}
