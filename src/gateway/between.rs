@@ -16,7 +16,7 @@ impl LineCore {
             return;
         };
         let Some(share) = &mut self.share else { return };
-        share.gap.decided(now);
+        share.gap.decided(now, want.rank != Rank::Look);
         if want.rank == Rank::FirstStop && self.stop_all(now) {
             return;
         }
@@ -44,9 +44,10 @@ impl LineCore {
             drive.work.wants().filter_map(move |want| {
                 let due = drive.wanted_from(&want).max(from);
                 let at = match want.rank {
-                    Rank::FirstStop | Rank::RepeatedStop => share.gap.stop_at(due, last_byte_at, now),
+                    Rank::FirstStop => share.gap.stop_at(due, last_byte_at, now),
+                    Rank::RepeatedStop => share.gap.again_at(due, last_byte_at, now),
                     // Another gateway reads its drives itself, and would take a read for one of a rival.
-                    Rank::Look if !drive.work.is_fresh(now) => share.gap.look_at(due, last_byte_at, now),
+                    Rank::Look if !drive.work.is_read_by_others(now) => share.gap.look_at(due, last_byte_at, now),
                     Rank::Look | Rank::Step | Rank::Trip | Rank::Start => return None,
                 };
                 Some((at, drive.index, want))

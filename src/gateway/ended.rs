@@ -79,8 +79,8 @@ impl LineCore {
             self.drives[drive].tell_plan(now, &exchange.request, &ending, &mut self.effects);
         }
         // A listener does not read, so it does not know whether its adapter echoes; but others show it the effect of its stop.
-        let shown_by_others = self.listens() && self.drives[drive].work.is_fresh(now);
-        let doubt = doubt || (proves_nothing && !shown_by_others);
+        let shown_by_others = self.listens() && self.drives[drive].work.is_read_by_others(now);
+        let doubt = (doubt || proves_nothing) && !shown_by_others;
         let fault = if proves_nothing { Some(Fault::Stray) } else { fault };
         let done = Done {
             drive,

@@ -185,6 +185,7 @@ impl LineCore {
         drive.station.is_there();
         drive.set_presence(now, Presence::Online, &mut self.effects);
         let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending) else { return };
+        drive.work.was_read_by_others(now);
         let is_wanted = drive.work.wants().any(|want| want.request == *request);
         if is_wanted {
             drive.take_words(now, at, (*address, words), &mut self.effects);

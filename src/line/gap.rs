@@ -11,6 +11,8 @@ const QUIET: Duration = Duration::from_millis(750);
 const PATIENCE: Duration = Duration::from_secs(1);
 /// A frame that is handed to the port later than this after it was decided on might meet something else on the line.
 const HAND_OVER_MAX: Duration = Duration::from_millis(100);
+/// Least time before a stop is sent again, apart from once at once.
+const AGAIN_AFTER: Duration = Duration::from_millis(500);
 /// How often a read is sent that shows whether the stop takes effect, where nobody else reads that.
 const LOOK_EVERY: Duration = Duration::from_millis(300);
 
@@ -19,8 +21,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(300);
 pub struct Gap {
     /// When its last exchange ended, if nothing was received since.
     ended_at: Option<MonoTime>,
-    /// When a frame was last sent.
-    sent_at: Option<MonoTime>,
+    /// When a stop was last sent, and when a read was.
+    stopped_at: Option<MonoTime>,
+    looked_at: Option<MonoTime>,
     /// A frame was decided on, and may be handed to the port until then.
     open_until: Option<MonoTime>,
     /// The last frame was sent again at once, because it may have met another one.
@@ -38,6 +41,13 @@ impl Gap {
         self.ended_at = None;
     }
 
+    /// When a stop that was sent before, and is due at `due`, may be sent again.
+    #[must_use]
+    pub fn again_at(&self, due: MonoTime, last_byte_at: MonoTime, now: MonoTime) -> MonoTime {
+        let again_at = self.stopped_at.filter(|_| !self.was_repeated).map_or(due, |at| at + AGAIN_AFTER);
+        self.stop_at(due.max(again_at), last_byte_at, now)
+    }
+
     /// When a stop that is due at `due` may be sent, as known at `now`, if nothing more is received. The last byte was
     /// received at `last_byte_at`.
     #[must_use]
@@ -50,13 +60,15 @@ impl Gap {
     /// The same for a read.
     #[must_use]
     pub fn look_at(&self, due: MonoTime, last_byte_at: MonoTime, now: MonoTime) -> MonoTime {
-        let due = self.sent_at.map_or(due, |at| due.max(at + LOOK_EVERY));
+        let due = self.looked_at.map_or(due, |at| due.max(at + LOOK_EVERY));
         self.stop_at(due, last_byte_at, now)
     }
 
-    /// A frame is decided on at `now`.
-    pub fn decided(&mut self, now: MonoTime) {
-        (self.ended_at, self.sent_at, self.open_until) = (None, Some(now), Some(now + HAND_OVER_MAX));
+    /// A frame is decided on at `now`: a stop, or a read.
+    pub fn decided(&mut self, now: MonoTime, is_stop: bool) {
+        (self.ended_at, self.open_until) = (None, Some(now + HAND_OVER_MAX));
+        let at = if is_stop { &mut self.stopped_at } else { &mut self.looked_at };
+        *at = Some(now);
     }
 
     /// Whether that frame may be handed to the port at `now`. Answers once.
@@ -102,15 +114,19 @@ mod tests {
     #[test]
     fn a_frame_that_may_have_met_another_one_is_repeated_once() {
         let mut gap = Gap::default();
-        gap.decided(MS(1000));
+        gap.decided(MS(1000), true);
         assert!(gap.take_frame(MS(1099)) && !gap.take_frame(MS(1099)));
         assert!(gap.may_repeat(MS(1100)));
         assert_eq!(gap.stop_at(MS(1100), MS(1000), MS(1100)), MS(1100));
-        gap.decided(MS(1105));
+        gap.decided(MS(1105), true);
         assert!(!gap.take_frame(MS(1205)), "too late");
         assert!(!gap.may_repeat(MS(1300)));
-        assert_eq!(gap.look_at(MS(1300), MS(1290), MS(1300)), MS(2040));
-        gap.decided(MS(2000));
+        assert_eq!(gap.again_at(MS(1300), MS(1290), MS(1300)), MS(2040), "nothing is heard");
+        gap.exchange_ended(MS(1600));
+        assert_eq!(gap.again_at(MS(1300), MS(1600), MS(1600)), MS(1605), "half a second after the last one");
+        gap.decided(MS(1605), false);
+        assert_eq!(gap.look_at(MS(1605), MS(1700), MS(1700)), MS(2450));
+        gap.decided(MS(2000), true);
         assert!(gap.may_repeat(MS(2100)), "the next one is");
     }
 }

@@ -268,11 +268,11 @@ impl Standby {
     pub fn heard_request(&mut self, now: MonoTime) -> Option<Change> {
         let gives_up = self.is_active();
         if gives_up {
+            // One that was suspended for longer may have missed who took the line.
+            self.informed_from = if self.may_send(now) { now } else { now + SIGNALS_WITHIN };
             // The other one may have given the line up by this gateway's own frame: the random part of the wait stays.
             self.listen(now);
             self.heard_at = Some(now);
-            // It has heard all that was sent up to now.
-            self.informed_from = now;
             self.ears.heard();
         } else {
             self.heard(now);

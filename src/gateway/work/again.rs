@@ -59,8 +59,7 @@ impl DriveWork {
     }
 
     /// Whether the readings of the motor are fresh.
-    #[must_use]
-    pub fn is_fresh(&self, now: MonoTime) -> bool {
+    pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
         let is_fresh = |address: Address, at: Option<MonoTime>| {
             let class = self.model.register_at(address).and_then(|register| register.poll);
             let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;

@@ -3,15 +3,34 @@
 use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
+use crate::drive::description::STALE_PERIODS;
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
+use crate::profile::model::PollClass;
+use std::time::Duration;
+
+/// Another gateway that has not read a drive for less may have met a stop of this one.
+const READ_AT_LEAST: Duration = Duration::from_secs(1);
 
 impl DriveWork {
     /// Whether the stop that waits was declared, and no client waits for it.
     #[must_use]
     pub fn is_stop_declared(&self) -> bool {
         self.latch.as_ref().is_some_and(|latch| latch.declared_at().is_some())
+    }
+
+    /// Another gateway or master has read the drive at `now`.
+    pub const fn was_read_by_others(&mut self, now: MonoTime) {
+        self.overheard_at = Some(now);
+    }
+
+    /// Whether another one reads the drive, as far as can be heard at `now`.
+    #[must_use]
+    pub fn is_read_by_others(&self, now: MonoTime) -> bool {
+        // A frame of this gateway may have cost the other one an exchange.
+        let limit = (self.pace.period(PollClass::Fast) * STALE_PERIODS).max(READ_AT_LEAST);
+        self.overheard_at.is_some_and(|at| now.since(at) < limit)
     }
 
     /// The stop is sent for the first time, between the frames of another master.

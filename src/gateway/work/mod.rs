@@ -143,6 +143,8 @@ pub struct DriveWork {
     commands: u16,
     /// The last order of another gateway of the line.
     heard: HeardOrder,
+    /// When another gateway or master last read it.
+    overheard_at: Option<MonoTime>,
     /// The drive was sent an order to run, and has since neither been seen at standstill without one nor stopped from here.
     may_run_on: bool,
     /// This gateway has taken the line, and does not know yet whether the drive is ordered to run.
@@ -201,6 +203,7 @@ impl DriveWork {
             last: None,
             commands: 0,
             heard: HeardOrder::Nothing,
+            overheard_at: None,
             may_run_on: false,
             unsettled: None,
             sight: Sight::default(),

@@ -467,16 +467,8 @@ fn a_line_in_trouble_says_what_to_look_at() {
 fn a_line_with_several_gateways_tells_who_sends() {
     let told = |role, hears_other, rivals, trouble| {
         let listener = (role == LineRole::Active).then_some(rivals == 0);
-        let standby = StandbyReport {
-            role,
-            take_overs: 1,
-            given_up: 1,
-            rivals,
-            hears_other,
-            listener,
-            kept: 0,
-            trouble,
-        };
+        let standby =
+            StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other, listener, kept: 0, trouble };
         let advice = with_line(LineReport { standby: Some(standby), ..up() }, false, |line| line.advice());
         advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
     };
