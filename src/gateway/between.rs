@@ -47,7 +47,10 @@ impl LineCore {
                     Rank::FirstStop => share.gap.stop_at(due, last_byte_at, now),
                     Rank::RepeatedStop => share.gap.again_at(due, last_byte_at, now),
                     // Another gateway reads its drives itself, and would take a read for one of a rival.
-                    Rank::Look if !drive.work.is_read_by_others(now) => share.gap.look_at(due, last_byte_at, now),
+                    // One that hears nothing learns nothing by it, and would keep a healthy one from the line.
+                    Rank::Look if !drive.work.is_read_by_others(now) && !share.rule.is_deaf() => {
+                        share.gap.look_at(due, last_byte_at, now)
+                    }
                     Rank::Look | Rank::Step | Rank::Trip | Rank::Start => return None,
                 };
                 Some((at, drive.index, want))

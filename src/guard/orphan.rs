@@ -52,7 +52,7 @@ impl DriveGuard {
         if let Some(control) = &self.control {
             let orphan = Some(Orphan::Listening { was_orphaned: lease.was_orphaned });
             let until = now + control.lost_after.max(signals_within);
-            self.lease = Some(Lease { owner: lease.owner, until, orphan });
+            self.lease = Some(Lease { owner: lease.owner, until, orphan, refused_at: None });
         }
     }
 

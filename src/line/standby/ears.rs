@@ -49,7 +49,8 @@ impl Ears {
     /// When it must fall silent, unless a drive answers before. It goes on alone if it is known to hear, and did so already.
     pub fn silent_at(&self) -> Option<MonoTime> {
         let goes_on = self.silences > 0 && self.is_proven;
-        (self.misses >= MISSES && !goes_on).then(|| self.sound_at + DEAF_AFTER)
+        // Silent drives are asked less and less often: once it is in doubt, it does not wait for that.
+        ((self.misses >= MISSES || self.are_in_doubt()) && !goes_on).then(|| self.sound_at + DEAF_AFTER)
     }
 
     /// It falls silent. Returns how long at least, with a silence for a take-over of `take_over_after`.
