@@ -30,6 +30,10 @@ impl DriveWork {
         };
         self.heard = heard;
         self.has_changed = true;
+        if matches!(heard, HeardOrder::Run(..)) {
+            // Newer than a stop answered from memory.
+            self.answered = None;
+        }
         let is_settled = self.latch.as_ref().is_some_and(StopLatch::is_acknowledged);
         if matches!(heard, HeardOrder::Run(..)) && is_settled {
             // The stop that waits here is older than this order.
