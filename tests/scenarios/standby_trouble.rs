@@ -127,6 +127,10 @@ impl Play {
     /// Looks at the frames that were sent since the last call.
     fn look(&mut self) {
         for sent in self.pair.sent[self.watch.frames..].iter().filter(|sent| !sent.is_of_listener()) {
+            // A stop goes out from a gateway that listens, too.
+            if sent.pdu.starts_with(&RUN) && sent.pdu[3..5] == [0, 0] {
+                continue;
+            }
             let report = self.pair.halves[sent.half].core.as_ref().and_then(|core| core.report().standby);
             let term = report.map_or(0, |report| report.take_overs + self.pair.halves[sent.half].setup.first_epoch);
             let half = sent.half;
@@ -200,7 +204,8 @@ impl Play {
     fn round(&mut self, fault: Fault, bound: Duration) {
         self.seen.rounds += 1;
         let active = self.settle();
-        self.command(&STOP);
+        self.pair.command(active, ORIGIN, 0, STOP);
+        self.pass(MS(800));
         while self.pair.output(1) != 0 {
             self.pass(MS(500));
         }
