@@ -149,6 +149,8 @@ mod signed_setpoints;
 mod signs;
 #[path = "scenarios/standby.rs"]
 mod standby;
+#[path = "scenarios/standby_ears.rs"]
+mod standby_ears;
 #[path = "scenarios/standby_equal_ranks.rs"]
 mod standby_equal_ranks;
 #[path = "scenarios/standby_hand_over.rs"]

@@ -20,7 +20,7 @@ use vfd_gateway::line::standby::StandbyTimes;
 use vfd_gateway::line::timing::Timing;
 use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::wire::framing;
-use vfd_gateway::wire::signal::{STATION, Signal, SignalKind};
+use vfd_gateway::wire::signal::{STATION, Signal};
 
 /// In the place of a half: a master that is no gateway of the pair.
 const FOREIGN: usize = usize::MAX;
@@ -94,7 +94,7 @@ impl Half {
 impl Sent {
     /// Whether it is the answer of a gateway that only listens, to the question whether one does.
     pub fn is_of_listener(&self) -> bool {
-        Signal::decode(STATION, &self.pdu).is_some_and(|signal| signal.kind == SignalKind::Listening)
+        Signal::decode(STATION, &self.pdu).is_some_and(|signal| signal.kind.is_of_listener())
     }
 }
 
