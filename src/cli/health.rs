@@ -221,72 +221,79 @@ fn unseen_row(drive: &Value) -> String {
     format!("{}{seen}; go to the drive\n", toned(Tone::Problem, &format!("drive {name} MAY STILL RUN")))
 }
 
+/// The text at `key`.
+fn word<'a>(of: &'a Value, key: &str) -> &'a str {
+    of[key].as_str().unwrap_or("?")
+}
+
+/// What is said of a drive.
+fn drive_row(drive: &Value) -> String {
+    let name = word(drive, "name");
+    let line = word(drive, "line");
+    let model = word(drive, "model");
+    let presence = state_of(word(drive, "presence"), &["online"]);
+    let run_state = match word(drive, "run_state") {
+        "tripped" => toned(Tone::Problem, "tripped"),
+        other => other.to_owned(),
+    };
+    let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
+    let watchdog = watchdog.unwrap_or_default();
+    let warning = drive["warning"].as_str();
+    let warning = warning.map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:"))).unwrap_or_default();
+    let refused: Vec<_> = drive["refused"].as_array().into_iter().flatten().collect();
+    let refused: Vec<_> = refused.iter().filter_map(|it| it["name"].as_str().or(it["register"].as_str())).collect();
+    let refused = if refused.is_empty() {
+        String::new()
+    } else {
+        format!(", {} {}", toned(Tone::Problem, "refuses to show"), refused.join(", "))
+    };
+    let state = drive["undocumented_state"].as_str();
+    let state =
+        state.map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:"))).unwrap_or_default();
+    let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let site = if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
+    format!("drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{warning}{state}{refused}{site}\n")
+}
+
+/// What is said of the MQTT broker; empty without one.
+fn mqtt_rows(mqtt: &Value) -> String {
+    let Some(connected) = mqtt["connected"].as_bool() else { return String::new() };
+    let mut text = String::new();
+    let rival = if mqtt["contested"] == true {
+        "; another client has the same client identifier: give each its own, with `client_id`"
+    } else {
+        ""
+    };
+    let lost = reason_of(mqtt);
+    let _ = writeln!(
+        text,
+        "mqtt: {}{lost}{rival}",
+        state_of(if connected { "connected" } else { "not connected" }, &["connected"])
+    );
+    text.push_str(&oversized("mqtt", mqtt));
+    if let Some(topic) = mqtt["clients_gone"].as_str() {
+        let _ = writeln!(
+            text,
+            "mqtt: {topic} says that the clients of the broker are offline: what MQTT holds is given up after \
+             `lost_after`"
+        );
+    }
+    if let Some(refused) = mqtt["events_refused"].as_u64().filter(|refused| *refused > 0) {
+        let _ = writeln!(text, "mqtt: the broker refused {refused} trip events; see the log");
+    }
+    text
+}
+
 /// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &Value) -> String {
-    fn word<'a>(of: &'a Value, key: &str) -> &'a str {
-        of[key].as_str().unwrap_or("?")
-    }
     let items = |key: &str| health[key].as_array().into_iter().flatten();
     let mut text = String::new();
     let uptime = span(health["uptime_seconds"].as_u64().unwrap_or(0));
     let _ = writeln!(text, "gateway {}: version {}, up {uptime}", word(health, "gateway"), word(health, "version"));
     text.extend(items("lines").map(line_row));
     text.extend(items("drives").filter(|drive| drive["may_still_run"] == true).map(unseen_row));
-    for drive in items("drives") {
-        let name = word(drive, "name");
-        let line = word(drive, "line");
-        let model = word(drive, "model");
-        let presence = state_of(word(drive, "presence"), &["online"]);
-        let run_state = match word(drive, "run_state") {
-            "tripped" => toned(Tone::Problem, "tripped"),
-            other => other.to_owned(),
-        };
-        let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
-        let watchdog = watchdog.unwrap_or_default();
-        let warning = drive["warning"].as_str();
-        let warning = warning.map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:"))).unwrap_or_default();
-        let refused: Vec<_> = drive["refused"].as_array().into_iter().flatten().collect();
-        let refused: Vec<_> = refused.iter().filter_map(|it| it["name"].as_str().or(it["register"].as_str())).collect();
-        let refused = if refused.is_empty() {
-            String::new()
-        } else {
-            format!(", {} {}", toned(Tone::Problem, "refuses to show"), refused.join(", "))
-        };
-        let state = drive["undocumented_state"].as_str();
-        let state =
-            state.map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:"))).unwrap_or_default();
-        let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-        let site =
-            if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
-        let _ = writeln!(
-            text,
-            "drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{warning}{state}{refused}{site}"
-        );
-    }
-    if let Some(connected) = health["mqtt"]["connected"].as_bool() {
-        let rival = if health["mqtt"]["contested"] == true {
-            "; another client has the same client identifier: give each its own, with `client_id`"
-        } else {
-            ""
-        };
-        let lost = reason_of(&health["mqtt"]);
-        let _ = writeln!(
-            text,
-            "mqtt: {}{lost}{rival}",
-            state_of(if connected { "connected" } else { "not connected" }, &["connected"])
-        );
-        text.push_str(&oversized("mqtt", &health["mqtt"]));
-        if let Some(topic) = health["mqtt"]["clients_gone"].as_str() {
-            let _ = writeln!(
-                text,
-                "mqtt: {topic} says that the clients of the broker are offline: what MQTT holds is given up after \
-                 `lost_after`"
-            );
-        }
-        if let Some(refused) = health["mqtt"]["events_refused"].as_u64().filter(|refused| *refused > 0) {
-            let _ = writeln!(text, "mqtt: the broker refused {refused} trip events; see the log");
-        }
-    }
+    text.extend(items("drives").map(drive_row));
+    text.push_str(&mqtt_rows(&health["mqtt"]));
     if let Some(connected) = health["sparkplug"]["connected"].as_bool() {
         let state = match (connected, health["sparkplug"]["host_awaited"] == true) {
             (true, _) => "published to its hosts",
