@@ -54,7 +54,9 @@ impl Shop {
         simulate
             .args(["simulate", "--model", "hyundai-n700", "--baud", "38400", "--trip-on-enter", "--link"])
             .arg(&port);
-        (1..=names.len()).for_each(|station| drop(simulate.args(["--station", &station.to_string()])));
+        for station in 1..=names.len() {
+            simulate.args(["--station", &station.to_string()]);
+        }
         let drive = Started::at_a_keyboard(simulate);
         drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
