@@ -58,7 +58,7 @@ impl Shop {
             simulate.args(["--station", &station.to_string()]);
         }
         let drive = Started::at_a_keyboard(simulate);
-        drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        drive.wait_for("that it plays", |line| line.contains("station").then_some(()));
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         std::fs::create_dir(place.file("data")).unwrap();
         let (from, seconds) = (if users { "page" } else { "mqtt" }, LOST_AFTER.as_secs());
