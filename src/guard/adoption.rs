@@ -1,8 +1,7 @@
 //! A drive that runs by the order of another gateway of its line, which is lost: it goes on for a while, so that its
 //! client can come back here. Nothing is started by that.
 
-use super::approved::StopOrder;
-use super::loss::Lost;
+use super::approved::{Lost, StopOrder};
 use super::state::DriveGuard;
 use crate::domain::command::{Direction, Manner, Order, Origin, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};

@@ -146,3 +146,16 @@ impl StopOrder {
         self.coast
     }
 }
+
+/// The action after a client is lost, or when the gateway shuts down.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Lost {
+    /// The owner of control.
+    pub owner: Option<Owner>,
+    /// The declared action.
+    pub action: FailSafe,
+    /// Why it runs.
+    pub cause: Cause,
+    /// Its frame; `None` for hold.
+    pub order: Option<StopOrder>,
+}

@@ -1,7 +1,7 @@
 //! A drive leaves the configuration, or its line is restarted: it accepts no commands any more, and a motor that runs by
 //! our order is stopped first.
 
-use super::loss::Lost;
+use super::approved::Lost;
 use super::state::DriveGuard;
 use crate::domain::command::RunIntent;
 use crate::domain::control::FailSafe;

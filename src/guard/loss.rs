@@ -1,24 +1,11 @@
 //! A client that is lost, and the declared action that falls due for that.
 
-use super::approved::StopOrder;
+use super::approved::Lost;
 use super::state::DriveGuard;
 use crate::domain::command::{Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::fail_safe::{Cause, FailSafeRun};
 use crate::domain::time::MonoTime;
-
-/// The action after a client is lost, or when the gateway shuts down.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Lost {
-    /// The owner of control.
-    pub owner: Option<Owner>,
-    /// The declared action.
-    pub action: FailSafe,
-    /// Why it runs.
-    pub cause: Cause,
-    /// Its frame; `None` for hold.
-    pub order: Option<StopOrder>,
-}
 
 impl DriveGuard {
     /// The last declared action since the last accepted RUN.

@@ -30,7 +30,6 @@ mod trial;
 #[cfg(test)]
 mod trial_tests;
 
-pub use approved::{Approved, StopOrder, Void};
-pub use loss::Lost;
+pub use approved::{Approved, Lost, StopOrder, Void};
 pub use review::{COMMAND_DEADLINE, Facts, Verdict};
 pub use state::DriveGuard;

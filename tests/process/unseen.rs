@@ -63,7 +63,9 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
         (is_there(&["standstill_confirmed", "page anna"]) && is_there(&["failsafe", "out_of_reach", "due"]))
             .then_some(())
     });
-    assert_eq!(browser.complaints(), Vec::<String>::new());
+    // The browser tells of each renewal that is refused.
+    let others: Vec<_> = browser.complaints().into_iter().filter(|it| !it.contains("/lease - ")).collect();
+    assert_eq!(others, Vec::<String>::new());
 }
 
 /// Each of these elements that is seen shows its text whole, inside the window.
