@@ -280,14 +280,6 @@ impl LocalSide {
         shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok())
     }
 
-    /// Confirms that the motor of the drive at `place` stands. Returns whether its line was there to be told.
-    #[must_use]
-    pub fn confirm_standstill(&self, who: Who, place: DriveRef) -> bool {
-        let shared = self.shared();
-        let message = Message::ConfirmStandstill(place.drive, who.owner());
-        shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok())
-    }
-
     /// Orders the drives at `places` to stop, all at once: each line finds its stops together.
     pub fn stop_all(&self, who: Who, places: &[DriveRef]) -> Vec<Ordered<'_>> {
         let start_before = clock::now() + COMMAND_DEADLINE;

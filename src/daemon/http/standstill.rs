@@ -2,6 +2,7 @@
 
 use super::answers::{json, refusal};
 use super::setup::outcome_at;
+use crate::daemon::exchange::inbox::Message;
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::{LocalSide, Who};
 use crate::domain::command::{Outcome, Reason, Report};
@@ -14,7 +15,9 @@ pub(super) fn confirm(side: &LocalSide, who: Who, drive: &SharedDrive) -> Respon
         let why = "there is nothing to confirm: the drive is in sight, or it was seen at standstill";
         return refusal(StatusCode::CONFLICT, why);
     }
-    if !side.confirm_standstill(who, drive.description.place) {
+    let (shared, place) = (side.shared(), drive.description.place);
+    let message = Message::ConfirmStandstill(place.drive, who.owner());
+    if !shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok()) {
         return refusal(StatusCode::SERVICE_UNAVAILABLE, "the drive's line takes no messages");
     }
     tracing::info!(drive = %drive.description.name, by = %who.owner(), "confirmed that the motor stands");
