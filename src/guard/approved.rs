@@ -2,6 +2,8 @@
 
 use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner};
+use crate::domain::control::FailSafe;
+use crate::domain::fail_safe::Cause;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::{self, Step, Write, WriteFunctions};
 use crate::profile::model::Model;
