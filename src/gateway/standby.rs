@@ -253,7 +253,9 @@ impl LineCore {
     /// When the share in the line changes, if nothing is heard or sent before.
     pub(super) fn share_wake(&self) -> Option<Wake> {
         let share = self.share.as_ref().filter(|_| self.is_open)?;
-        let at = share.rule.due_at()?;
+        // While a stop of its own is on the wire, a listener takes no line.
+        let looks_at = share.rule.looks_at().filter(|_| self.wire.is_busy());
+        let at = looks_at.or_else(|| share.rule.due_at())?;
         let at = if share.rule.role() == LineRole::Active { at } else { at.max(self.wire.may_send_from()) };
         let at = if self.health.trouble == Some(LineFault::Echo) { at.max(self.health.probe_at) } else { at };
         // A jam ends with a silence, which has a wake of its own.

@@ -179,6 +179,15 @@ impl Standby {
         self.ears.silent_at().unwrap_or(MonoTime::NEVER)
     }
 
+    /// When a listener looks at the line next, whatever is due; `None` while it does not listen.
+    #[must_use]
+    pub fn looks_at(&self) -> Option<MonoTime> {
+        match self.state {
+            State::Listening { looked_at, .. } => Some(looked_at + LOOK_EVERY),
+            State::Deaf | State::Claiming { .. } | State::Active { .. } => None,
+        }
+    }
+
     /// The port was opened at `now`.
     pub fn port_opened(&mut self, now: MonoTime) {
         self.heard_at = None;
