@@ -155,6 +155,8 @@ mod standby_ears;
 mod standby_equal_ranks;
 #[path = "scenarios/standby_hand_over.rs"]
 mod standby_hand_over;
+#[path = "scenarios/standby_latched.rs"]
+mod standby_latched;
 #[path = "scenarios/standby_orders.rs"]
 mod standby_orders;
 #[path = "scenarios/standby_play/mod.rs"]

@@ -182,10 +182,8 @@ impl Standby {
     /// When a listener looks at the line next, whatever is due; `None` while it does not listen.
     #[must_use]
     pub fn looks_at(&self) -> Option<MonoTime> {
-        match self.state {
-            State::Listening { looked_at, .. } => Some(looked_at + LOOK_EVERY),
-            State::Deaf | State::Claiming { .. } | State::Active { .. } => None,
-        }
+        let State::Listening { looked_at, .. } = self.state else { return None };
+        Some(looked_at + LOOK_EVERY)
     }
 
     /// The port was opened at `now`.
