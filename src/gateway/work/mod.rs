@@ -26,7 +26,7 @@ use super::outbox::Outbox;
 use super::stop::StopLatch;
 use super::waiter::Waiter;
 use crate::domain::address::Address;
-use crate::domain::command::{Direction, Order, Owner, Reason, Report};
+use crate::domain::command::{Direction, Order, Owner, Report};
 use crate::domain::control::{BusFunctions, ControlSettings};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
@@ -312,26 +312,6 @@ impl DriveWork {
     pub fn new_epoch(&mut self) {
         self.guard.new_epoch();
         self.has_changed = true;
-    }
-
-    /// Nothing that was read of the drive holds any more: it has stopped answering, or its line is down or another's.
-    pub(super) fn forget_readings(&mut self, out: Out<'_>) {
-        self.has_changed = true;
-        self.usage_out_of_sight(out);
-        self.output.forget();
-        self.status.forget();
-        self.status_at = None;
-        self.guard.forget_bases();
-        self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));
-        // Whatever it does when it is back, no ramp of our stop explains it.
-        self.is_stopping &= self.latch.is_some();
-        self.latch.iter_mut().for_each(StopLatch::out_of_sight);
-        self.watchdog.forget();
-        let unread = self.trips.lost_sight();
-        self.trip(unread, out);
-        self.guard.lost_touch(out.now());
-        self.guard.may_be_another();
-        self.cut_motion(Reason::Offline, out);
     }
 
     /// Facts for the review.

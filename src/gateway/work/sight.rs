@@ -2,10 +2,11 @@
 
 use super::heard_order::HeardOrder;
 use super::{DriveWork, Out};
-use crate::domain::command::Owner;
+use crate::domain::command::{Owner, Reason};
 use crate::drive::sight::{LastSeen, SeenAt, SightView};
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
+use crate::gateway::stop::StopLatch;
 use crate::journal::{Entry, Remembered};
 
 impl DriveWork {
@@ -28,6 +29,26 @@ impl DriveWork {
     pub fn out_of_sight(&mut self, out: Out<'_>) {
         self.lose_sight(out);
         self.forget_readings(out);
+    }
+
+    /// Nothing that was read of the drive holds any more: it has stopped answering, or its line is down or another's.
+    pub(super) fn forget_readings(&mut self, out: Out<'_>) {
+        self.has_changed = true;
+        self.usage_out_of_sight(out);
+        self.output.forget();
+        self.status.forget();
+        self.status_at = None;
+        self.guard.forget_bases();
+        self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));
+        // Whatever it does when it is back, no ramp of our stop explains it.
+        self.is_stopping &= self.latch.is_some();
+        self.latch.iter_mut().for_each(StopLatch::out_of_sight);
+        self.watchdog.forget();
+        let unread = self.trips.lost_sight();
+        self.trip(unread, out);
+        self.guard.lost_touch(out.now());
+        self.guard.may_be_another();
+        self.cut_motion(Reason::Offline, out);
     }
 
     /// The drive cannot be asked any more. To be called before readings and orders are forgotten.
