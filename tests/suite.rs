@@ -137,6 +137,8 @@ mod resets;
 mod restarts;
 #[path = "scenarios/setpoint_before_run.rs"]
 mod setpoint_before_run;
+#[path = "scenarios/setpoint_facts.rs"]
+mod setpoint_facts;
 #[path = "scenarios/shaped_bursts.rs"]
 mod shaped_bursts;
 #[path = "scenarios/sharing.rs"]
@@ -167,6 +169,8 @@ mod standby_roll_call;
 mod standby_stops;
 #[path = "scenarios/standby_trouble.rs"]
 mod standby_trouble;
+#[path = "scenarios/standing_bits.rs"]
+mod standing_bits;
 #[path = "scenarios/starts.rs"]
 mod starts;
 #[path = "scenarios/stop_all.rs"]

@@ -98,7 +98,7 @@ async fn carry_out(
         if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
         }
-        return print(&format!("{}: written and acknowledged\n", order.text));
+        return print(&format!("{}: acknowledged by the drive, now or before\n", order.text));
     }
     if args.is_straight() && order.makes_run() {
         arm(client, &args.straight).await?;

@@ -10,7 +10,7 @@ use super::standby;
 use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
-use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, OnOutputOutside, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::standby::OnGatewayLost;
@@ -72,6 +72,7 @@ pub(super) fn settle(
         on_commander_lost: file.on_commander_lost.as_ref()?.value,
         lost_after: file.lost_after.as_ref()?.value,
         on_shutdown: file.on_shutdown.as_ref()?.value,
+        on_output_outside: file.on_output_outside.or(OnOutputOutside::Alarm)?,
         accept_unverified,
         site,
         qualify: file.qualify.or(false)?,

@@ -5,7 +5,7 @@ use super::ready::{PortAddress, Removal, Silence};
 use super::ready_http::Viewers;
 use super::words::{RoleRight, Way};
 use crate::domain::command::Direction;
-use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, FailSafe, OnOutputOutside, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
@@ -158,6 +158,7 @@ pub(super) struct ControlFile {
     pub on_commander_lost: RequiredKey<FailSafe>,
     pub lost_after: RequiredKey<Duration>,
     pub on_shutdown: RequiredKey<FailSafe>,
+    pub on_output_outside: OptionalKey<OnOutputOutside>,
     pub on_gateway_lost: OptionalKey<OnGatewayLost>,
     pub accept_unverified: OptionalKey<Vec<Spanned<ControlAction>>>,
     pub qualify: OptionalKey<bool>,

@@ -3,7 +3,7 @@
 use super::ready::Removal;
 use super::ready_http::Viewers;
 use crate::domain::command::Direction;
-use crate::domain::control::{BusFunctions, ControlAction, FailSafe, Ownership};
+use crate::domain::control::{BusFunctions, ControlAction, FailSafe, OnOutputOutside, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::domain::standby::OnGatewayLost;
 use crate::north::mqtt::{Combined, LeaseMode, Tree};
@@ -103,6 +103,19 @@ pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
     (FailSafe::Coast.word(), FailSafe::Coast),
     (FailSafe::Hold.word(), FailSafe::Hold),
 ];
+
+/// Values of `on_output_outside`.
+pub const ON_OUTPUT_OUTSIDE: [(&str, OnOutputOutside); 2] =
+    [(OnOutputOutside::Alarm.word(), OnOutputOutside::Alarm), (OnOutputOutside::Stop.word(), OnOutputOutside::Stop)];
+
+/// Their effects, for messages.
+#[must_use]
+pub const fn of_output_outside(action: OnOutputOutside) -> &'static str {
+    match action {
+        OnOutputOutside::Alarm => "an alarm is raised",
+        OnOutputOutside::Stop => "the motor is stopped as well",
+    }
+}
 
 /// The effect of a fail-safe action, for messages.
 #[must_use]

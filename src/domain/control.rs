@@ -29,6 +29,27 @@ impl FailSafe {
     }
 }
 
+/// What happens when the output is outside the limits or far from the setpoint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum OnOutputOutside {
+    /// It is told, and nothing makes the motor faster.
+    #[default]
+    Alarm,
+    /// The motor is stopped as well.
+    Stop,
+}
+
+impl OnOutputOutside {
+    /// The word used in the configuration.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Alarm => "alarm",
+            Self::Stop => "stop",
+        }
+    }
+}
+
 /// Which functions of a drive come over the bus; the others are wired, to its terminals or its panel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BusFunctions {
@@ -154,6 +175,8 @@ pub struct ControlSettings {
     pub lost_after: Duration,
     /// What is done when the gateway is stopped on purpose.
     pub on_shutdown: FailSafe,
+    /// What is done when the output is outside the limits or far from the setpoint.
+    pub on_output_outside: OnOutputOutside,
     /// Unproven actions that are accepted: those that the section lists, and those of `site`.
     pub accept_unverified: Vec<ControlAction>,
     /// Which of them rest on what was seen at this very drive.
@@ -227,6 +250,7 @@ impl ControlSettings {
             on_commander_lost,
             lost_after,
             on_shutdown,
+            on_output_outside: OnOutputOutside::Alarm,
             accept_unverified: Vec::new(),
             site: SiteEvidence::default(),
             qualify: false,

@@ -20,11 +20,13 @@ pub enum Cause {
     Removed,
     /// Another gateway of the line was lost while the drive was ordered to run.
     GatewayLost,
+    /// The output was outside the limits or far from the setpoint.
+    OutputOutside,
 }
 
 impl Cause {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::CommanderLost,
         Self::OutOfReach,
         Self::Shutdown,
@@ -32,6 +34,7 @@ impl Cause {
         Self::CrashLoop,
         Self::Removed,
         Self::GatewayLost,
+        Self::OutputOutside,
     ];
 
     /// The word used in the journal.
@@ -45,6 +48,7 @@ impl Cause {
             Self::CrashLoop => "crash_loop",
             Self::Removed => "removed",
             Self::GatewayLost => "gateway_lost",
+            Self::OutputOutside => "output_outside_limits",
         }
     }
 

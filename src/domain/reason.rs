@@ -169,6 +169,10 @@ reasons! {
     Standby = 66, "standby", "this gateway is on standby: another one is active on the line";
     /// The drive has not shown what every drive of its model shows.
     Implausible = 67, "implausible", "the drive does not show what every drive of its model shows: the addresses may be off by one, or it is another drive";
+    /// The drive was seen running and then at rest, without an order from here.
+    StoppedElsewhere = 68, "stopped_elsewhere", "the drive no longer follows its order to run: it was stopped elsewhere";
+    /// The output was seen far from what was ordered.
+    OutputOutside = 69, "output_outside_limits", "the output is outside the limits or far from the setpoint: only stops and lower setpoints are accepted";
 }
 
 impl Reason {

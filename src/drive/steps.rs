@@ -253,12 +253,17 @@ fn sign_of(model: &Model, toward: Option<Direction>) -> Result<Direction, NoStep
     if model.turns_by_sign() { toward.ok_or(NoSteps::SetpointUnknown) } else { Ok(Direction::Forward) }
 }
 
-/// The register and the word that stop a drive, or cut its output off.
+/// The register and the word that stop a drive which was last ordered to run in direction `after`, or cut its output off.
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
-pub fn of_stop(model: &Model, coast: bool) -> Result<(Address, u16), NoSteps> {
-    order(model, if coast { OrderKind::Coast } else { OrderKind::Stop })
+pub fn of_stop(model: &Model, coast: bool, after: Option<Direction>) -> Result<(Address, u16), NoSteps> {
+    if coast {
+        return order(model, OrderKind::Coast);
+    }
+    let run = model.run.as_ref().ok_or(NoSteps::NotCapable)?;
+    let address = model.order_address(OrderKind::Stop).ok_or(NoSteps::NotCapable)?;
+    Ok((address, run.stop_word(after)))
 }
 
 /// The steps that take back a start that the drive did not follow.

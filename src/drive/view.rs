@@ -242,6 +242,10 @@ pub struct ControlView {
     pub not_effective: bool,
     /// The declared action that fell due since the last RUN, and how far it has come.
     pub failsafe: Option<FailSafeRun>,
+    /// The output was seen outside the limits or far from the setpoint, and not right since.
+    pub output_outside: bool,
+    /// The drive has stopped following its last order to run, without an order from here.
+    pub stopped_elsewhere: bool,
     /// New at every connect to the broker and at every stop.
     pub epoch: u64,
     /// The last command's report.

@@ -335,7 +335,7 @@ impl Execution {
         match self.next_shown(0) {
             Some(first) => {
                 self.look_at(Stage::ReadBack(first, 0));
-                let is_acknowledged = !(self.is_in_doubt || self.is_unanswered);
+                let is_acknowledged = !(self.is_in_doubt || self.is_unanswered || self.approved.is_answered_late());
                 Next::Goes(is_acknowledged.then_some(Report::new(Outcome::Acknowledged, Reason::None)))
             }
             None => self.end(),

@@ -4,6 +4,7 @@ use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::control::FailSafe;
 use crate::domain::fail_safe::{FailSafeRun, FailSafeStage};
+use crate::domain::frequency::Hertz;
 use crate::domain::report::LineFault;
 use crate::domain::suspicion::Suspicion;
 pub use crate::domain::traffic::HeardFrame;
@@ -110,6 +111,25 @@ pub enum Note {
         /// Its word.
         held: u16,
     },
+    /// The drive has stopped following its order to run.
+    #[error("the drive no longer follows its order to run: it was stopped elsewhere (stopped_elsewhere)")]
+    StoppedElsewhere,
+    /// The output is not what was ordered.
+    #[error(
+        "ALARM: output_outside_limits: the output is {output} Hz, and {wanted} Hz was ordered: only stops and lower setpoints are \
+         accepted{}", likely_cause(.is_scale_typed)
+    )]
+    OutputOutside {
+        /// The output.
+        output: Hertz,
+        /// The setpoint, or the nearest limit.
+        wanted: Hertz,
+        /// The configuration states the full scale of the drive's frequencies.
+        is_scale_typed: bool,
+    },
+    /// The same is over.
+    #[error("the output is again what was ordered, or the motor stands")]
+    OutputRight,
     /// Too many exchanges with the drive fail.
     #[error("too many exchanges with the drive fail: only stops and lower frequencies are accepted")]
     Suspended,
@@ -227,6 +247,14 @@ const fn given_up(change: &Change) -> &'static str {
 
 fn suspected(suspicion: &Option<Suspicion>) -> String {
     suspicion.map_or("suspicion cleared".to_owned(), |suspicion| suspicion.to_string())
+}
+
+const fn likely_cause(is_scale_typed: &bool) -> &'static str {
+    if *is_scale_typed {
+        "; the likely cause is `full_scale_hz`, which was typed by hand: compare it with the drive's highest frequency"
+    } else {
+        ""
+    }
 }
 
 fn holder(owner: &Option<Owner>) -> String {

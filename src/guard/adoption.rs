@@ -25,6 +25,7 @@ impl DriveGuard {
         let control = self.control.clone()?;
         self.lease = None;
         self.inhibit(now);
+        self.turned = direction.or(self.turned);
         let declared = control.on_gateway_lost.unwrap_or(OnGatewayLost::Stop);
         let action = match if was_handed_over { OnGatewayLost::Adopt } else { declared } {
             OnGatewayLost::Stop => FailSafe::Stop,

@@ -1,7 +1,7 @@
 //! Approved work for the line. Private fields, no copies: one approval is one list of frames, sent once.
 
 use crate::domain::address::Address;
-use crate::domain::command::{Order, Owner};
+use crate::domain::command::{Direction, Order, Owner};
 use crate::domain::control::FailSafe;
 use crate::domain::fail_safe::Cause;
 use crate::domain::time::MonoTime;
@@ -21,6 +21,8 @@ pub struct Approved {
     pub(super) functions: WriteFunctions,
     /// The registers whose writes the drive never answers.
     pub(super) silent: Vec<Address>,
+    /// The drive has acknowledged it before and not shown it: only its read-back is an answer.
+    pub(super) is_answered_late: bool,
 }
 
 /// Why an approved step may not be sent any more.
@@ -55,6 +57,17 @@ impl Approved {
     #[must_use]
     pub fn steps(&self) -> &[Step] {
         &self.steps
+    }
+
+    pub(super) const fn answered_when_shown(mut self, is_answered_late: bool) -> Self {
+        self.is_answered_late = is_answered_late;
+        self
+    }
+
+    /// Whether the drive's acknowledgement is no answer to it, but what the drive shows afterwards.
+    #[must_use]
+    pub const fn is_answered_late(&self) -> bool {
+        self.is_answered_late
     }
 
     /// Whether the drive never answers `write`.
@@ -110,9 +123,10 @@ pub struct StopOrder {
 }
 
 impl StopOrder {
-    /// The stop of a drive of `model`, or its cut-off; `None` if the model has none.
-    pub(super) fn of(model: &Model, coast: bool) -> Option<Self> {
-        let (address, value) = steps::of_stop(model, coast).ok()?;
+    /// The stop of a drive of `model` that was last ordered to run in direction `after`, or its cut-off; `None` if the model
+    /// has none.
+    pub(super) fn of(model: &Model, coast: bool, after: Option<Direction>) -> Option<Self> {
+        let (address, value) = steps::of_stop(model, coast, after).ok()?;
         let in_block = steps::takes_in_a_block(model, address);
         let forms = WriteFunctions::of(model).forms(address, value, in_block);
         Some(Self { value, coast, forms })

@@ -69,6 +69,7 @@ impl DriveGuard {
             steps,
             functions: steps::WriteFunctions::of(&self.model),
             silent: self.model.silent_writes().collect(),
+            is_answered_late: false,
         })
     }
 
@@ -86,6 +87,7 @@ impl DriveGuard {
             steps,
             functions: steps::WriteFunctions::of(&self.model),
             silent: self.model.silent_writes().collect(),
+            is_answered_late: false,
         })
     }
 

@@ -89,7 +89,7 @@ fn where_anybody_may_command_control_goes_to_the_last_who_did() {
     let mut guard = held(ControlSettings { ownership: Ownership::Any, ..control() });
     assert!(matches!(at(&mut guard, plc(1), setpoint(3000), &RUNNING, NOW), Ok(Verdict::Go(_))));
     assert_eq!(holder(&guard), Some(plc(1).owner));
-    guard.setpoint_was_acknowledged(plc(1).owner, Hertz::from_centihertz(3000));
+    guard.setpoint_was_acknowledged(plc(1).owner, Hertz::from_centihertz(3000), NOW);
     // Two controllers that repeat the same do not take it from each other, and nothing goes to the line.
     for last in [2, 3, 2, 3] {
         let later = NOW + Duration::from_secs(u64::from(last));

@@ -32,6 +32,7 @@ impl DriveGuard {
     /// The drive is offline: when it is back, it may be another one.
     pub fn forget_bases(&mut self) {
         self.bases.forget();
+        self.forget_setting();
     }
 
     /// Whether the full scales of the setpoint are known, fresh and settled.

@@ -39,7 +39,7 @@ impl Interlocks {
         }
     }
 
-    fn remember(&mut self, address: Address, now: MonoTime) {
+    pub fn remember(&mut self, address: Address, now: MonoTime) {
         match self.written.iter_mut().find(|(written, _)| *written == address) {
             Some((_, at)) => *at = now,
             None => self.written.push((address, now)),

@@ -64,6 +64,12 @@ impl DriveGuard {
         Some(self.lost(owner, action, Cause::Shutdown, now))
     }
 
+    /// Ends the order in force by a declared `action`, and inhibits the start.
+    pub fn ends(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
+        self.inhibit(now);
+        self.falls_due(owner, action, cause, now)
+    }
+
     /// The declared `action` falls due at `now`, because of a loss.
     pub(super) fn falls_due(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
         self.failsafe = Some(FailSafeRun::due(action, cause, now));

@@ -22,6 +22,7 @@ mod registers;
 #[cfg(test)]
 mod restart_tests;
 mod review;
+mod setpoint;
 mod sign;
 mod state;
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The review of orders that may move a motor: setpoint and RUN, and their interlocks.
 
 use super::review::{Facts, Verdict, no_steps, refused};
+use super::setpoint::InForce;
 use super::state::DriveGuard;
 use crate::domain::command::{
     CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Report, RunIntent,
@@ -32,10 +33,15 @@ impl DriveGuard {
         self.sign_may_stand(go, control, facts)?;
         // A controller that only sets parameters may no longer be supervising the motor.
         let renews = command.origin.manner == Manner::Once || go.run().is_some() || go.frequency().is_some();
-        let Some(go) = self.what_changes(command.origin, go, control) else {
+        let in_force = self.is_in_force(now);
+        let given = go;
+        let Some(go) = self.what_changes(command.origin, given, control, in_force) else {
             self.renew_unchanged(owner, control, now);
-            return Ok(Verdict::Unchanged);
+            return if given.frequency().is_some() { in_force.report() } else { Ok(()) }.map(|()| Verdict::Unchanged);
         };
+        if given.frequency() != go.frequency() {
+            in_force.report()?;
+        }
         if go.run().is_some() || go.frequency().is_some() {
             self.may_move(command, &go, control, facts, now).inspect_err(|report| {
                 if go.run().is_some() && command.origin.manner == Manner::Cyclic && is_ended_at_the_drive(report.reason)
@@ -56,18 +62,20 @@ impl DriveGuard {
             self.take_lease(owner, now);
         }
         self.interlocks.approved(&self.model, go.registers(), now);
+        let is_repeated = go.frequency().is_some_and(|frequency| self.is_repeated(frequency));
         if let Some(frequency) = go.frequency() {
             self.accept_setpoint(owner, frequency);
         }
         if let Some(direction) = go.run() {
             self.accept_run(owner, direction);
         }
-        Ok(Verdict::Go(self.approve(command, Order::Go(go), steps)))
+        let is_answered_late = is_repeated && command.origin.manner == Manner::Cyclic;
+        Ok(Verdict::Go(self.approve(command, Order::Go(go), steps).answered_when_shown(is_answered_late)))
     }
 
     /// The parts of a cyclic order that are not in force yet; `None` if all are. A setpoint beside RUN is always sent with
     /// it: during standstill, another one may have been set at the drive.
-    fn what_changes(&self, origin: Origin, go: &Go, control: &ControlSettings) -> Option<Go> {
+    fn what_changes(&self, origin: Origin, go: &Go, control: &ControlSettings, in_force: InForce) -> Option<Go> {
         if origin.manner == Manner::Once {
             return Some(go.clone());
         }
@@ -78,6 +86,7 @@ impl DriveGuard {
             .filter(|direction| !(holds && self.run_acknowledged && self.intent() == RunIntent::Run(*direction)));
         let frequency = go.frequency().filter(|frequency| {
             run.is_some()
+                || in_force == InForce::No
                 || !self
                     .accepted_setpoint()
                     .is_some_and(|last| last.acknowledged && last.value == *frequency && is_his(last.by))
@@ -108,6 +117,9 @@ impl DriveGuard {
         }
         if facts.line_is_bad && (go.run().is_some() || self.is_higher(go)) {
             return Err(refused(Reason::LineQuality));
+        }
+        if self.is_output_outside && (go.run().is_some() || self.is_higher(go)) {
+            return Err(refused(Reason::OutputOutside));
         }
         if facts.is_local == Some(true) && !self.takes_priority() {
             return Err(refused(Reason::LocalControl));

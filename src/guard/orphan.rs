@@ -2,6 +2,7 @@
 
 use super::approved::StopOrder;
 use super::state::{DriveGuard, Lease};
+use crate::domain::command::{Direction, RunIntent};
 use crate::domain::time::MonoTime;
 use crate::journal::{Cause, RememberedLease};
 use std::time::Duration;
@@ -80,8 +81,13 @@ impl DriveGuard {
         self.lease.and_then(|lease| lease.orphan).is_some_and(is_awaited)
     }
 
-    /// The drive shows at `now` that its motor turns. For an orphaned lease, the owner's time begins here.
-    pub fn found_running(&mut self, now: MonoTime) {
+    /// The drive shows at `now` that its motor turns, and perhaps in which `direction`. For an orphaned lease, the owner's
+    /// time begins here.
+    pub fn found_running(&mut self, direction: Option<Direction>, now: MonoTime) {
+        if !matches!(self.intent, RunIntent::Run(_)) {
+            // Whoever ordered that.
+            self.turned = direction.or(self.turned);
+        }
         let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };
         match lease.orphan {
             Some(Orphan::Unseen { was_orphaned: true }) => {

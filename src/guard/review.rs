@@ -197,6 +197,7 @@ impl DriveGuard {
             steps,
             functions: steps::WriteFunctions::of(&self.model),
             silent: self.model.silent_writes().collect(),
+            is_answered_late: false,
         }
     }
 }

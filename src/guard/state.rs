@@ -5,6 +5,7 @@ use super::approved::StopOrder;
 use super::interlocks::Interlocks;
 use super::orphan::Orphan;
 use super::owners::Owners;
+use super::setpoint::{Setpoint, Setting};
 use crate::domain::command::{Direction, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::fail_safe::FailSafeRun;
@@ -30,11 +31,13 @@ pub struct DriveGuard {
     /// The direction in which the drive was last ordered to run, and whether it acknowledged that or only may have
     /// accepted it; `None` once the order has ended.
     pub(super) obeyed: Option<(Direction, bool)>,
-    /// The last ordered direction, in force or not: the motor may still turn.
+    /// The last ordered direction, in force or not, or the one that the motor showed since: it may still turn.
     pub(super) turned: Option<Direction>,
-    setpoint: Option<Setpoint>,
+    pub(super) setpoint: Option<Setpoint>,
     /// The last acknowledged setpoint.
-    held_setpoint: Option<Setpoint>,
+    pub(super) held_setpoint: Option<Setpoint>,
+    /// The drive's own setting of the frequency.
+    pub(super) setting: Option<Setting>,
     /// Owners that have commanded stop since the last inhibit, and may therefore start.
     pub(super) armed: Owners,
     /// Owners that hold an order to reset: it acted on arrival, and acts again only after it was withdrawn or expired.
@@ -53,6 +56,8 @@ pub struct DriveGuard {
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
     pub(super) interlocks: Interlocks,
+    /// The output was seen outside the limits or far from the setpoint, and not right since.
+    pub(super) is_output_outside: bool,
     /// The drive is about to leave the configuration.
     /// The drive's identity was read since it came into sight, and is that of its model.
     pub(super) is_identified: bool,
@@ -68,14 +73,6 @@ pub(super) struct Lease {
     pub orphan: Option<Orphan>,
     /// When its owner was last refused because the drive could not be reached: it is there all the same.
     pub refused_at: Option<MonoTime>,
-}
-
-/// The last accepted setpoint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Setpoint {
-    pub value: Hertz,
-    pub by: Owner,
-    pub acknowledged: bool,
 }
 
 impl DriveGuard {
@@ -95,6 +92,7 @@ impl DriveGuard {
             turned: None,
             setpoint: None,
             held_setpoint: None,
+            setting: None,
             armed: Owners::default(),
             resetting: Owners::default(),
             stops: 0,
@@ -106,6 +104,7 @@ impl DriveGuard {
             is_released: false,
             is_ending: false,
             interlocks: Interlocks::default(),
+            is_output_outside: false,
             is_identified: false,
             is_leaving: false,
         }
@@ -139,6 +138,17 @@ impl DriveGuard {
     #[must_use]
     pub fn setpoint(&self) -> Option<Hertz> {
         self.setpoint.map(|setpoint| setpoint.value)
+    }
+
+    /// Whether the drive has acknowledged the order in force.
+    #[must_use]
+    pub const fn is_run_acknowledged(&self) -> bool {
+        self.run_acknowledged
+    }
+
+    /// Sets whether the output is outside the limits or far from the setpoint.
+    pub const fn output_is_outside(&mut self, is_outside: bool) {
+        self.is_output_outside = is_outside;
     }
 
     /// Whether every client must command stop before it may start the drive.
@@ -272,43 +282,6 @@ impl DriveGuard {
         self.turned = stands.or(self.turned);
     }
 
-    /// The drive acknowledged the setpoint `value` of `owner`.
-    pub fn setpoint_was_acknowledged(&mut self, owner: Owner, value: Hertz) {
-        let held = Setpoint { value, by: owner, acknowledged: true };
-        self.held_setpoint = Some(held);
-        if self.setpoint.is_some_and(|setpoint| setpoint.value == value) {
-            self.setpoint = Some(held);
-        }
-    }
-
-    /// A setpoint was sent but not answered: the drive may no longer hold the previous one.
-    pub const fn setpoint_is_unknown(&mut self) {
-        if let Some(held) = &mut self.held_setpoint {
-            held.acknowledged = false;
-        }
-    }
-
-    /// The drive was reset, or may have lost power: an equal setpoint counts as new.
-    pub fn setpoint_may_be_lost(&mut self) {
-        self.setpoint_is_unknown();
-        if let Some(setpoint) = &mut self.setpoint {
-            setpoint.acknowledged = false;
-        }
-    }
-
-    /// The setpoint `value` was never sent, or the drive refused it: it is replaced by the one still to be sent, or
-    /// else by the one that the drive holds.
-    pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
-        if self.setpoint.is_some_and(|setpoint| setpoint.value == value && !setpoint.acknowledged) {
-            let ordered = still_ordered.map(|(by, value)| Setpoint { value, by, acknowledged: false });
-            self.setpoint = ordered.or(self.held_setpoint);
-        }
-    }
-
-    pub(super) fn accepted_setpoint(&self) -> Option<Setpoint> {
-        self.setpoint
-    }
-
     /// Accepts an order of `owner` to run, or a setpoint for a drive that may turn: control is leased.
     pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
         if let Some(control) = &self.control {
@@ -327,10 +300,6 @@ impl DriveGuard {
         self.armed.add(owner, MonoTime::NEVER);
     }
 
-    pub(super) fn accept_setpoint(&mut self, owner: Owner, value: Hertz) {
-        self.setpoint = Some(Setpoint { value, by: owner, acknowledged: false });
-    }
-
     /// Accepts a stop: all earlier approvals are void, all other clients are inhibited. A stop by a client other than the
     /// owner ends the lease.
     pub(super) fn accept_stop(&mut self, owner: Option<Owner>, coast: bool, now: MonoTime) {
@@ -347,6 +316,6 @@ impl DriveGuard {
     }
 
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
-        StopOrder::of(&self.model, coast)
+        StopOrder::of(&self.model, coast, self.turned)
     }
 }

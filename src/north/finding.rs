@@ -111,6 +111,8 @@ signs! {
     BusRefused "bus_refused" Problem "a parameter of the drive keeps it from obeying the bus"
     LocalControl "local_control" Problem "the drive obeys its panel or terminals"
     NotEffective "not_effective" Problem "a stop shows no effect"
+    OutputOutside "output_outside" Problem "the output is outside the limits, or far from the setpoint"
+    StoppedElsewhere "stopped_elsewhere" Problem "the drive no longer follows its order to run: it was stopped elsewhere"
     CommandFailed "command_failed" Problem "the last command was not carried out, for a reason that lies in the drive"
     WatchdogWrong "watchdog_wrong" Hint "the drive's own watchdog is off or set wrong; a problem where it is required"
     SetpointOutside "setpoint_outside" Hint "the drive's setpoint is outside the limits of its control section"

@@ -58,6 +58,8 @@ pub struct DriveOptions {
     pub panel_frequency_hz: Option<u16>,
     /// Whether a trip persists across a power cycle.
     pub trip_outlasts_power: bool,
+    /// Highest frequency, in whole hertz, that it takes of a setpoint: a higher one is acknowledged, and this one kept.
+    pub clamps_at_hz: Option<u16>,
     /// Stops that it refuses.
     pub refused_stops: RefusedStops,
     /// Addresses that can be read on top of the model's registers and whose every word is the low half of
@@ -82,6 +84,7 @@ impl Default for DriveOptions {
             panel_runs: None,
             panel_frequency_hz: None,
             trip_outlasts_power: false,
+            clamps_at_hz: None,
             refused_stops: RefusedStops::None,
             proof_words: None,
         }

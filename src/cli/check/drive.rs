@@ -120,9 +120,10 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
     ownership(text, control)?;
     writeln!(
         text,
-        "    commander lost after {lost_after}: {}; gateway ended: {}{}",
+        "    commander lost after {lost_after}: {}; gateway ended: {}; output outside limits: {}{}",
         control.on_commander_lost.word(),
         control.on_shutdown.word(),
+        control.on_output_outside.word(),
         control.on_gateway_lost.map_or_else(String::new, |lost| format!("; other gateway lost: {}", lost.word()))
     )?;
     capabilities(text, control, model)?;
@@ -362,7 +363,7 @@ write = ["127.0.0.1/32"]
     commands from modbus-tcp: 5.00 to 50.00 Hz, forward
     command deadline 1s < lease 10s
     one commander at a time
-    commander lost after 10s: stop; gateway ended: hold
+    commander lost after 10s: stop; gateway ended: hold; output outside limits: alarm
     can be ordered: stop, frequency, forward, coast, release
     unproven and accepted: coast
     unproven and refused: reset (inferred)

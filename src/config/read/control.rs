@@ -3,7 +3,8 @@
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
 use super::super::words::{
-    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, OWNERSHIPS, WAYS, Way, on_gateway_lost,
+    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS, Way,
+    on_gateway_lost,
 };
 use super::tables::refuse_not_served;
 use crate::domain::frequency::Hertz;
@@ -36,6 +37,8 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
         on_commander_lost: reader.required("on_commander_lost", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
         lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
         on_shutdown: reader.required("on_shutdown", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
+        on_output_outside: reader
+            .optional("on_output_outside", &Kind::choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside)),
         on_gateway_lost: reader.optional("on_gateway_lost", &on_gateway_lost()),
         accept_unverified: reader.list("accept_unverified", &Kind::choice(&ACTIONS, words::of_action)),
         qualify: reader.optional("qualify", &Kind::flag()),

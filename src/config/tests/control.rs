@@ -3,7 +3,7 @@
 use super::*;
 use crate::domain::command::Direction;
 use crate::domain::control::{
-    BusFunctions, ControlAction, ControlSettings, FailSafe, LeaseMode, Ownership, SiteEvidence,
+    BusFunctions, ControlAction, ControlSettings, FailSafe, LeaseMode, OnOutputOutside, Ownership, SiteEvidence,
 };
 use crate::domain::frequency::Hertz;
 use crate::guard::COMMAND_DEADLINE;
@@ -47,6 +47,7 @@ fn a_control_section_gets_its_defaults() {
             on_commander_lost: FailSafe::Stop,
             lost_after: seconds(30),
             on_shutdown: FailSafe::Hold,
+            on_output_outside: OnOutputOutside::Alarm,
             accept_unverified: Vec::new(),
             site: SiteEvidence::default(),
             qualify: false,

@@ -388,6 +388,8 @@ fn metrics_show_control() {
         stop_pending: false,
         not_effective: false,
         failsafe: None,
+        output_outside: false,
+        stopped_elsewhere: false,
         epoch: 1,
         last: None,
         commands: 9,

@@ -55,6 +55,7 @@ impl DriveWork {
                 if runs_by_others {
                     self.is_stopped_by(owner, now, out);
                 }
+                self.follows_anew();
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.cut(now, out);
@@ -72,6 +73,7 @@ impl DriveWork {
                 if runs {
                     // Newer than a stop answered from memory.
                     self.answered = None;
+                    self.follows_anew();
                 }
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);

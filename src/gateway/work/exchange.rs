@@ -322,9 +322,9 @@ impl DriveWork {
 
     fn part_taken(&mut self, part: StepPart, owner: Owner, is_sure: bool, now: MonoTime) {
         match part {
-            StepPart::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value),
+            StepPart::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value, now),
             StepPart::SignedSetpoint(value, direction) => {
-                self.guard.setpoint_was_acknowledged(owner, value);
+                self.guard.setpoint_was_acknowledged(owner, value, now);
                 self.may_turn_round(direction);
             }
             StepPart::Run(direction) => {

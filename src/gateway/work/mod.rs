@@ -5,10 +5,12 @@ mod between;
 mod command;
 mod durable;
 mod exchange;
+mod followed;
 mod heard;
 mod heard_order;
 mod leaving;
 mod looks;
+mod outside;
 mod pass;
 mod readings;
 mod remembered;
@@ -42,7 +44,9 @@ use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model};
 use crate::wire::pdu::Request;
 use again::Answered;
+use followed::Followed;
 use heard_order::{HeardOrder, Unsettled};
+use outside::Outside;
 pub use readings::Reading;
 use rows::{DurableTrips, Opening};
 use standing::Standing;
@@ -151,6 +155,12 @@ pub struct DriveWork {
     unsettled: Option<Unsettled>,
     /// Whether it is in sight, and what was last seen of it.
     sight: Sight,
+    /// Whether the drive follows its order to run.
+    followed: Followed,
+    /// It has stopped following the last one.
+    is_stopped_elsewhere: bool,
+    /// The output, held against what was ordered.
+    outside: Outside,
     /// What the drive has used.
     usage: Sums,
     has_changed: bool,
@@ -207,6 +217,9 @@ impl DriveWork {
             may_run_on: false,
             unsettled: None,
             sight: Sight::default(),
+            followed: Followed::default(),
+            is_stopped_elsewhere: false,
+            outside: Outside::default(),
             usage: Sums::new(model, Pace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
@@ -365,6 +378,8 @@ impl DriveWork {
             stop_pending: self.latch.is_some(),
             not_effective: self.latch.as_ref().is_some_and(|latch| latch.is_late() || latch.is_refused()),
             failsafe: guard.fail_safe(),
+            output_outside: self.outside.is_told,
+            stopped_elsewhere: self.is_stopped_elsewhere,
             epoch: guard.epoch(),
             last: self.last,
             commands: self.commands,

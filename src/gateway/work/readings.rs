@@ -32,8 +32,12 @@ impl DriveWork {
             // What waits was worked out with another full scale.
             self.cut_motion(Reason::FullScaleUnknown, out);
         }
+        if reading.is_its_own {
+            self.guard.take_setting(address, words, reading.at);
+        }
         let ran = self.status.is_running();
-        if let Some(running) = self.status.take(address, words) {
+        let shown = self.status.take(address, words);
+        if let Some(running) = shown {
             self.status_at = Some(reading.at);
             if running {
                 self.runs_now();
@@ -52,12 +56,16 @@ impl DriveWork {
         let output = output.filter(|_| self.impossible_output(address, words).is_none());
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
+            self.held_against_limits(now, out);
+        }
+        if let Some(running) = shown {
+            self.followed(running, now, out);
         }
         if output.is_some() || self.status_at == Some(reading.at) {
             self.is_seen(out);
         }
         if self.is_moving() {
-            self.guard.found_running(now);
+            self.guard.found_running(self.turns(), now);
         }
         if self.is_at_standstill() && self.latch.is_none() {
             self.heard_stop_is_over();

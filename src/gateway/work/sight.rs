@@ -37,6 +37,7 @@ impl DriveWork {
         self.usage_out_of_sight(out);
         self.output.forget();
         self.status.forget();
+        self.output_out_of_sight();
         self.status_at = None;
         self.guard.forget_bases();
         self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));

@@ -47,7 +47,8 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::NotReadBack
         | Reason::NotReady
         | Reason::NotCommitted
-        | Reason::NotEffective => exception::SERVER_DEVICE_FAILURE,
+        | Reason::NotEffective
+        | Reason::StoppedElsewhere => exception::SERVER_DEVICE_FAILURE,
         Reason::StartInhibited
         | Reason::StopPending
         | Reason::StopRefused
@@ -64,6 +65,7 @@ pub const fn exception_of(reason: Reason) -> u8 {
         | Reason::SignUnknown
         | Reason::Moving
         | Reason::LineQuality
+        | Reason::OutputOutside
         | Reason::StartsTooOften
         | Reason::LocalControl
         | Reason::Watchdog
@@ -120,7 +122,7 @@ mod tests {
 
     /// By number.
     #[rustfmt::skip]
-    const CODES: [u8; 68] = [
+    const CODES: [u8; 70] = [
         4, 1, 1, 1, 3, 3, 3, 3, 3, 1, // none, read_only, not_from_here, ... direction_not_allowed, not_capable
         1, 2, 6, 6, 6, 6, 6, 6, 6, 6, // unverified, not_listed, start_inhibited, ... tripped
         6, 6, 6, 10, 10, 1, 11, 6, 11, 6, // not_tripped, reversal, queue_full, line_down, ... stopped
@@ -131,6 +133,7 @@ mod tests {
         6, 4, 4, 4, // drive_busy, drive_locked, drive_in_trip, not_ready
         6, 3, 4, 10, // sign_unknown, half_a_value, not_committed, standby
         6,  // implausible
+        4, 6, // stopped_elsewhere, output_outside_limits
     ];
 
     #[test]

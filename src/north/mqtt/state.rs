@@ -232,6 +232,8 @@ fn control(now: &Present, control: &ControlView) -> Value {
         "stop_pending": control.stop_pending,
         "not_effective": control.not_effective,
         "failsafe": control.failsafe.is_some(),
+        "output_outside": control.output_outside,
+        "stopped_elsewhere": control.stopped_elsewhere,
         "epoch": control.epoch,
         "outcome": control.last.map(|report| report.outcome.word()),
         "reason": control.last.map(|report| report.reason.word()),

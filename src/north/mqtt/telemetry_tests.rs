@@ -130,6 +130,7 @@ fn the_state_says_all_that_is_known() {
     let control = json!({
         "owner": "mqtt", "lease_until": "2026-01-01T00:00:30.000Z", "intent": "forward", "setpoint_hz": 42.5,
         "start_inhibited": true, "command_pending": false, "stop_pending": false, "not_effective": false,
+        "output_outside": false, "stopped_elsewhere": false,
         "failsafe": false, "epoch": 7, "outcome": "confirmed", "reason": "none",
     });
     assert_eq!(state["control"], control);

@@ -154,6 +154,8 @@ impl Drive<'_> {
             "stop_pending": view.stop_pending,
             "not_effective": view.not_effective,
             "failsafe": shown::fail_safe(Some(view), present.clock),
+            "output_outside": view.output_outside,
+            "stopped_elsewhere": view.stopped_elsewhere,
             "last": view.last.map(|report| json!({
                 "outcome": report.outcome.word(),
                 "reason": report.reason.word(),

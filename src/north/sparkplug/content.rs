@@ -127,6 +127,8 @@ impl Look<'_> {
             Control::StopPending => control.stop_pending,
             Control::NotEffective => control.not_effective,
             Control::FailSafe => control.failsafe.is_some(),
+            Control::OutputOutside => control.output_outside,
+            Control::StoppedElsewhere => control.stopped_elsewhere,
         };
         Content::bool(self.view.control.as_ref().map(of))
     }

@@ -43,6 +43,8 @@ pub(super) enum Control {
     StartInhibited,
     StopPending,
     NotEffective,
+    OutputOutside,
+    StoppedElsewhere,
     FailSafe,
 }
 
@@ -189,6 +191,8 @@ fn of_control() -> impl Iterator<Item = Definition> {
         ("control/start_inhibited", Control::StartInhibited),
         ("control/stop_pending", Control::StopPending),
         ("control/not_effective", Control::NotEffective),
+        ("control/output_outside", Control::OutputOutside),
+        ("control/stopped_elsewhere", Control::StoppedElsewhere),
         ("control/failsafe", Control::FailSafe),
     ];
     parts.into_iter().map(|(name, part)| Definition::new(name, Source::Control(part), Datatype::Boolean))

@@ -15,6 +15,7 @@ mod silence;
 mod start;
 mod state;
 mod status;
+mod stop_bits;
 mod tables;
 mod values;
 mod warnings;

@@ -1,6 +1,6 @@
 //! The rules between the keys of `[run]`.
 
-use super::{reset, run_word};
+use super::{reset, run_word, stop_bits};
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, RunFile};
 use crate::profile::model::Role;
@@ -15,6 +15,7 @@ pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFil
         Some(FormWord::Values) => run_word::values_have_no_bits(run, problems),
         Some(FormWord::Bits) => run_word::bits_are_sound(run, location, problems),
     }
+    stop_bits::check(run, problems);
     run_word::zero_is_known(run, location, problems);
     commands_are_taken(location, registers, problems);
 }

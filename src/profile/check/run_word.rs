@@ -62,7 +62,7 @@ pub(super) fn bits_order_nothing(word: &Spanned<u16>, run: &RunFile, problems: &
 }
 
 /// The bits that are declared; `None` if some of them are unusable.
-fn declared(run: &RunFile) -> Option<u16> {
+pub(super) fn declared(run: &RunFile) -> Option<u16> {
     let bits = run.bits.iter().map(|bit| Some(1_u16 << bit.bit.as_ref()?.value));
     let fields = run.fields.iter().map(|field| Some(field.mask.as_ref()?.value));
     bits.chain(fields).try_fold(0, |all, bits| Some(all | bits?))
@@ -102,7 +102,7 @@ fn fields_are_sound(run: &RunFile, problems: &mut Vec<Problem>) {
     }
 }
 
-fn bits_are_declared(word: &Spanned<u16>, declared: Option<u16>, problems: &mut Vec<Problem>) {
+pub(super) fn bits_are_declared(word: &Spanned<u16>, declared: Option<u16>, problems: &mut Vec<Problem>) {
     let Some(declared) = declared else { return };
     let unknown = word.value & !declared;
     if unknown != 0 {
@@ -144,7 +144,7 @@ fn is_wrong(order: OrderKind, meaning: BitMeaning) -> bool {
 }
 
 /// A command does what its name says, and nothing else.
-fn orders_one_thing(order: OrderKind, word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+pub(super) fn orders_one_thing(order: OrderKind, word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
     let senses = run.senses();
     let mut is_refused = false;
     for sense in senses.held(word.value).filter(|sense| is_wrong(order, sense.meaning)) {

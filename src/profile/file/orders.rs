@@ -3,7 +3,7 @@
 use super::facts::{FactFile, Facts, whole};
 use crate::domain::address::Address;
 use crate::profile::model::{
-    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, Role, RunCommand,
+    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, Role, RunCommand, StopBits,
 };
 use crate::profile::register::{RegisterFile, address_of};
 use crate::toml_file::values::Kind;
@@ -20,6 +20,10 @@ pub(in crate::profile) struct PlacesFile {
     /// A register or `clear` was unusable.
     is_damaged: bool,
     pub clear: Option<Spanned<u16>>,
+    /// Bits of the last order to run that the stop keeps.
+    pub keep: Option<Spanned<u16>>,
+    /// Bits of it that the stop changes.
+    pub drop: Option<Spanned<u16>>,
     pub direction: Option<FactFile<DirectionFile>>,
     pub reverse_by: Option<FactFile<()>>,
     /// The forbidden words, each with its register, if it names one.
@@ -58,13 +62,31 @@ impl PlacesFile {
             OptionalKey::Valid(name) => self.registers.push((kind, name)),
         }
         if kind == OrderKind::Reset {
-            match reader.optional("clear", &word) {
-                OptionalKey::Absent => {}
-                OptionalKey::Invalid => self.is_damaged = true,
-                OptionalKey::Valid(clear) => self.clear = Some(clear),
-            }
+            self.clear = self.word(reader, "clear", &word);
+        }
+        if kind == OrderKind::Stop {
+            let bits = Kind::number(1..=u16::MAX);
+            self.keep = self.word(reader, "keep", &bits);
+            self.drop = self.word(reader, "drop", &bits);
         }
         value
+    }
+
+    fn word(&mut self, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<u16>) -> Option<Spanned<u16>> {
+        match reader.optional(key, kind) {
+            OptionalKey::Absent => None,
+            OptionalKey::Invalid => {
+                self.is_damaged = true;
+                None
+            }
+            OptionalKey::Valid(word) => Some(word),
+        }
+    }
+
+    /// What the stop does with the bits of an order to run.
+    pub(super) fn stop_bits(&self) -> StopBits {
+        let bits = |written: &Option<Spanned<u16>>| written.as_ref().map_or(0, |written| written.value);
+        StopBits { keeps: bits(&self.keep), drops: bits(&self.drop) }
     }
 
     /// `direction`, `reverse_by` and `never`.

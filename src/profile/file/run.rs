@@ -112,6 +112,7 @@ impl RunFile {
                 }
             },
             stop: self.stop.ready()?,
+            stop_bits: self.places.stop_bits(),
             reverse: optional(self.reverse.as_ref())?.or_else(|| self.places.reverse(&forward)),
             forward,
             coast: optional(self.coast.as_ref())?,

@@ -1,7 +1,8 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{
-    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, StateText, ZeroWord,
+    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, StateText, StopBits,
+    ZeroWord,
 };
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
@@ -14,6 +15,8 @@ pub struct RunCommand {
     pub form: RunForm,
     /// Decelerate and stop.
     pub stop: Fact<u16>,
+    /// What it does with the other bits of an order to run.
+    pub stop_bits: StopBits,
     /// Run forward.
     pub forward: Fact<u16>,
     /// Run reverse, if the model supports it.

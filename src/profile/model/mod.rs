@@ -16,6 +16,7 @@ mod register;
 mod run_word;
 mod start;
 mod status;
+mod stop_bits;
 mod watchdog;
 
 pub use alias::RamAlias;
@@ -37,6 +38,7 @@ pub use status::{
     Barrier, BarrierRead, ClearWords, CodeText, ExceptionKind, Flag, MaskedText, MaskedWord, Quirks, StateText,
     StatusFlag,
 };
+pub use stop_bits::StopBits;
 
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;

@@ -295,7 +295,8 @@ impl RunCommand {
         let is_here = |kind: OrderKind| self.places.registers.iter().all(|(other, _)| *other != kind);
         let is_word = |kind: OrderKind| self.word(kind).is_some_and(|fact| fact.value == word);
         let exact = OrderKind::ALL.into_iter().find(|kind| is_word(*kind) && is_here(*kind));
-        exact.map(OrderedWord::of).or_else(|| self.order_in_zero().filter(|_| word == 0))
+        let kept = (self.is_stop(word) && is_here(OrderKind::Stop)).then_some(OrderedWord::Stop);
+        exact.map(OrderedWord::of).or(kept).or_else(|| self.order_in_zero().filter(|_| word == 0))
     }
 
     /// What a written 0 orders that is no command; `None` if the model does not say what a drive does with it.

@@ -20,6 +20,18 @@ pub(super) const ORDERS: &[Section] = &[
             ("release", "no such order", "The word that hands control back to panel and terminals."),
             ("stop.value", "", "The word."),
             ("stop.register", RUN_REGISTER, OWN_REGISTER),
+            (
+                "stop.keep",
+                "none",
+                "With `form = \"bits\"`: bits, as the direction, that the stop has as the last order to run had them. Without an \
+                 order, or a direction that the drive shows, they are those of `value`.",
+            ),
+            (
+                "stop.drop",
+                "none",
+                "With `form = \"bits\"`: bits, as the direction, that the stop changes although they do not run the motor, because \
+                 the documents show that word. It says only that this is meant.",
+            ),
             ("forward.value", "", "The word."),
             ("forward.register", RUN_REGISTER, OWN_REGISTER),
             ("reverse.value", "", "The word."),

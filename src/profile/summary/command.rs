@@ -24,6 +24,8 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
     let is_given = |kind: &OrderKind| *kind != OrderKind::Reverse || (places.direction.is_none() && !places.by_sign);
     let all = OrderKind::ALL.into_iter().filter(is_given).filter_map(|kind| Some((kind, run.word(kind)?)));
     let mut rows: Vec<_> = all.map(|(kind, fact)| row(kind.word(), of(kind, fact.value), fact)).collect();
+    let bits = [("a stop keeps of a run word", run.stop_bits.keeps), ("a stop changes in it", run.stop_bits.drops)];
+    rows.extend(bits.into_iter().filter(|(_, bits)| *bits != 0).map(|(what, bits)| row(what, shown(bits), &run.stop)));
     rows.extend(places.direction.iter().map(|fact| {
         let words = &fact.value;
         let reverse = words.reverse.map_or(String::new(), |word| format!(", reverse {word}"));

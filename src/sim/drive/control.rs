@@ -162,7 +162,8 @@ impl SimDrive {
         if !listens && !self.can_take_frequency() {
             return Err(Objection::NotNow);
         }
-        self.setpoint = setpoint;
+        let most = self.options.clamps_at_hz.map_or(i64::MAX, |hertz| i64::from(hertz) * MICROHERTZ);
+        self.setpoint = setpoint.clamp(-most, most);
         self.follow(at);
         Ok(())
     }

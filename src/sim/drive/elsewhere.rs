@@ -32,6 +32,11 @@ impl SimDrive {
         }
     }
 
+    /// From now on it takes no setpoint above so many hertz, but acknowledges it.
+    pub const fn clamp(&mut self, hertz: Option<u16>) {
+        self.options.clamps_at_hz = hertz;
+    }
+
     /// Ends a trip as by a key, or by the drive itself; it then runs if `runs`.
     pub fn clear_trip(&mut self, at: MonoTime, runs: Option<Direction>) {
         self.advance(at);

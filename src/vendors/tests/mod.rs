@@ -5,6 +5,7 @@ mod frames;
 mod frecon;
 mod n100plus;
 mod n700;
+mod stop_bits;
 mod tables;
 mod teco;
 mod toshiba;

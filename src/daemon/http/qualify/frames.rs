@@ -32,7 +32,7 @@ pub(super) fn of(
     let functions = WriteFunctions::of(model);
     let steps = match order.order(trial_frequency(control)) {
         Some(Order::Stop { .. } | Order::Coast) => {
-            let stop = steps::of_stop(model, order == TrialOrder::Sent(OrderKind::Coast));
+            let stop = steps::of_stop(model, order == TrialOrder::Sent(OrderKind::Coast), None);
             return stop.map_or_else(
                 |_| Vec::new(),
                 |(address, value)| {
@@ -81,7 +81,7 @@ mod tests {
     fn the_frames_are_those_of_the_model() {
         let (model, control) = (model(), control());
         let stop = of(TrialOrder::Sent(OrderKind::Stop), &model, &control, AT);
-        let (address, word) = steps::of_stop(&model, false).unwrap();
+        let (address, word) = steps::of_stop(&model, false, None).unwrap();
         assert_eq!(stop.len(), 1);
         assert_eq!(stop[0]["words"], json!([{ "register": address.to_string(), "word": word }]));
         let frame = stop[0]["frame"].as_str().unwrap();

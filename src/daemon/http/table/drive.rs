@@ -149,6 +149,11 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
     gauge("drive_stop_pending", "1 while a stop is not effective yet.", |view| {
         of_control(view, |control| control.stop_pending)
     }),
+    gauge(
+        "drive_output_outside",
+        "1 while the output was seen outside the limits or far from the setpoint, and not right since.",
+        |view| of_control(view, |control| control.output_outside),
+    ),
     gauge("drive_not_effective", "1 while a stop had no effect in time.", |view| {
         of_control(view, |control| control.not_effective)
     }),

@@ -1,6 +1,7 @@
 //! One measurement of a drive, from the word of its register to the word of the uniform map.
 
 use crate::domain::address::Address;
+use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::{DriveDescription, Freshness};
@@ -62,6 +63,11 @@ impl Column {
 }
 
 impl Fresh {
+    /// A frequency.
+    pub(super) fn of(frequency: Hertz) -> Self {
+        Self { raw: frequency.millihertz().into(), scale: 1000 }
+    }
+
     /// Without its sign: a drive that shows a frequency in reverse as negative shows the direction elsewhere.
     pub(super) const fn magnitude(self) -> Self {
         Self { raw: self.raw.abs(), scale: self.scale }

@@ -1,6 +1,7 @@
 //! Where the uniform words of one drive come from, looked up once.
 
-use super::column::Column;
+use super::column::{Column, Fresh};
+use crate::domain::command::RunIntent;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::{DriveDescription, Freshness};
@@ -61,12 +62,15 @@ impl Sources {
         }
     }
 
-    /// Whether output frequency and setting are within 0.1 Hz, both fresh.
+    /// Whether the output frequency, which is fresh, is within 0.1 Hz of the setpoint that was ordered with the RUN in force.
+    /// Without such an order, of the drive's own setting, which is fresh as well.
     pub(super) fn is_at_setpoint(&self, view: &DriveView, now: MonoTime) -> bool {
         let fresh = |column: &Option<Column>| Some(column.as_ref()?.fresh(view, now)?.magnitude());
         let output = fresh(&self.output_frequency);
-        let setting = fresh(&self.setting);
-        output.zip(setting).is_some_and(|(output, setting)| output.is_near(setting))
+        let ordered = view.control.as_ref().filter(|control| matches!(control.intent, RunIntent::Run(_)));
+        let ordered = ordered.and_then(|control| control.setpoint).map(Fresh::of);
+        let wanted = ordered.or_else(|| fresh(&self.setting));
+        output.zip(wanted).is_some_and(|(output, wanted)| output.is_near(wanted))
     }
 
     /// Whether a warning is active, by a fresh reading.

@@ -21,7 +21,8 @@ pub mod bit {
     pub const REVERSE: u16 = 1 << 2;
     /// A trip is active.
     pub const TRIPPED: u16 = 1 << 3;
-    /// It runs, and the output frequency is within 0.1 Hz of the setting; both are fresh.
+    /// It runs, and the output frequency, which is fresh, is within 0.1 Hz of the ordered setpoint; without an order to run, of
+    /// the drive's own setting.
     pub const AT_SETPOINT: u16 = 1 << 4;
     /// It is online, has a control section, is not known to obey another source, and this gateway may send.
     pub const ACCEPTS: u16 = 1 << 5;
@@ -55,6 +56,10 @@ pub mod alarm {
     pub const LINE_DOWN: u16 = 1 << 3;
     /// The drive is out of sight and was not seen at standstill.
     pub const MAY_STILL_RUN: u16 = 1 << 4;
+    /// The output is outside the limits, or far from the setpoint.
+    pub const OUTPUT_OUTSIDE: u16 = 1 << 5;
+    /// The drive has stopped following its order to run.
+    pub const STOPPED_ELSEWHERE: u16 = 1 << 6;
 }
 
 /// Capability bits: uniform word 26.
@@ -123,6 +128,8 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
         (sources.is_stale(view, now), alarm::STALE),
         (!view.line_is_up, alarm::LINE_DOWN),
         (view.sight.may_still_run, alarm::MAY_STILL_RUN),
+        (control.is_some_and(|control| control.output_outside), alarm::OUTPUT_OUTSIDE),
+        (control.is_some_and(|control| control.stopped_elsewhere), alarm::STOPPED_ELSEWHERE),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
@@ -132,7 +139,7 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 /// Uniform word 15: the status bits that can ever be set for this drive.
 ///
 /// Online always; stale if anything is polled; running if the output frequency or a status word is; at setpoint if the
-/// setting is as well; tripped if the trips are shown or counted; local and alarm if a status word shows them; warning
+/// setting is as well or setpoints are ordered; tripped if the trips are shown or counted; local and alarm if a status word shows them; warning
 /// if a polled register does; standby on a line with several gateways (added when it is read); reverse if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
 /// what was ordered; and with control accepts, pending, leased and inhibited.
 pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
@@ -145,7 +152,7 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
         (turns, bit::RUNNING),
         (has_reverse || has_flag(Flag::Reverse), bit::REVERSE),
         (sources.has_trips, bit::TRIPPED),
-        (sources.output_frequency.is_some() && sources.setting.is_some(), bit::AT_SETPOINT),
+        (sources.output_frequency.is_some() && (sources.setting.is_some() || sources.has_control), bit::AT_SETPOINT),
         (sources.has_control, with_control),
         (!sources.polled.is_empty(), bit::STALE),
         (has_flag(Flag::BusRun) || has_flag(Flag::BusFrequency), bit::LOCAL),

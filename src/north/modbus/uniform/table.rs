@@ -65,8 +65,10 @@ const OWNERS: Holds = Holds::Codes(
     "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 an operator on the page, \
      6 a Sparkplug host",
 );
-const ALARMS: Holds =
-    Holds::Codes("bit 0 a stop had no effect, 1 fail-safe due or done, 2 stale data, 3 line down, 4 may still run");
+const ALARMS: Holds = Holds::Codes(
+    "bit 0 a stop had no effect, 1 fail-safe due or done, 2 stale data, 3 line down, 4 may still run, 5 output outside \
+     limits, 6 stopped elsewhere",
+);
 const CAPABILITIES: Holds = Holds::Codes("bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take");
 
 type Read = fn(&Uniform, &Look<'_>) -> u16;

@@ -172,6 +172,27 @@ fn each_run_state_has_its_number_and_bits() {
 }
 
 #[test]
+fn at_setpoint_means_the_setpoint_that_was_ordered() {
+    let ordered = Some(Hertz::from_centihertz(3000));
+    for (intent, setpoint, near) in [
+        (RunIntent::Run(Direction::Forward), ordered, false),
+        (RunIntent::Run(Direction::Forward), Some(Hertz::from_centihertz(1000)), true),
+        (RunIntent::Run(Direction::Forward), None, true),
+        (RunIntent::Stop, ordered, true),
+    ] {
+        let mut view = testing::view();
+        view.snapshot.take(0x0101_u16.into(), &[1000], NOW);
+        view.snapshot.take(0x010A_u16.into(), &[100], NOW);
+        view.control = Some(ControlView { intent, setpoint, ..ControlView::default() });
+        assert_eq!(
+            word(1, &view) & bit::AT_SETPOINT != 0,
+            near,
+            "{intent:?} {setpoint:?}: the drive's own setting is 10 Hz"
+        );
+    }
+}
+
+#[test]
 fn at_setpoint_is_within_a_tenth_of_a_hertz() {
     for (output, setting, near) in [(4250, 424, true), (4250, 426, true), (4261, 425, false), (4239, 425, false)] {
         let mut view = testing::view();

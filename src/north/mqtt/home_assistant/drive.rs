@@ -172,6 +172,8 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         entities.push(control("start_inhibited", "Start inhibited"));
         entities.push(control("not_effective", "Stop without effect").class("problem"));
         entities.push(control("failsafe", "Fail-safe action").class("problem"));
+        entities.push(control("output_outside", "Output outside limits").class("problem"));
+        entities.push(control("stopped_elsewhere", "Stopped elsewhere").class("problem"));
         let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
         entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic().icon("mdi:account-key"));
     }

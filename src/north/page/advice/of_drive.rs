@@ -157,6 +157,13 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
     if control.not_effective {
         said.say(Sign::NotEffective, Sentence::new("finding.not_effective"));
     }
+    if control.output_outside {
+        let key = if model.needs_full_scale() { "finding.output_outside_scale" } else { "finding.output_outside" };
+        said.say(Sign::OutputOutside, Sentence::new(key));
+    }
+    if control.stopped_elsewhere {
+        said.say(Sign::StoppedElsewhere, Sentence::new("finding.stopped_elsewhere"));
+    }
     if let Some(again) = control.stopped_again.filter(|it| now.since(it.at) < StoppedAgain::WITHIN) {
         let stopped = Sentence::new("finding.stopped_again").with("by", again.by.to_string());
         said.say(Sign::StoppedAgain, stopped.with("times", u64::from(again.times)));
