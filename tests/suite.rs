@@ -18,6 +18,8 @@
     reason = "a test fails by panicking, its helpers too"
 )]
 
+#[path = "scenarios/followed_orders.rs"]
+mod followed_orders;
 #[path = "scenarios/frames.rs"]
 mod frames;
 
@@ -109,6 +111,8 @@ mod old_value_or_exception;
 mod orders_apart;
 #[path = "scenarios/out_of_sight.rs"]
 mod out_of_sight;
+#[path = "scenarios/output_limits.rs"]
+mod output_limits;
 #[path = "scenarios/ownership.rs"]
 mod ownership;
 #[path = "scenarios/pairs.rs"]

@@ -21,6 +21,7 @@ mod standing;
 mod start;
 mod sums;
 mod usage;
+mod view;
 mod watchdog;
 
 use super::execution::Execution;
@@ -38,7 +39,7 @@ use crate::drive::run_state::OutputWatch;
 use crate::drive::sight::Sight;
 use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
-use crate::drive::view::{ControlView, RunState, StatusView, StoppedAgain};
+use crate::drive::view::{StatusView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
 use crate::guard::{DriveGuard, Facts};
 use crate::profile::model::{Flag, Model};
@@ -348,43 +349,6 @@ impl DriveWork {
             is_local: self.status_view().is_local(),
             is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
         }
-    }
-
-    /// The run state of the drive.
-    #[must_use]
-    pub fn run_state(&self, is_offline: bool) -> RunState {
-        if is_offline {
-            RunState::Offline
-        } else if self.trips.is_contradicted() {
-            RunState::Unknown
-        } else if self.trips.view().active == Some(true) {
-            RunState::Tripped
-        } else {
-            self.output.run_state(&self.status, self.ordered(), self.is_stopping)
-        }
-    }
-
-    /// Control, as shown to clients; `None` without a control section.
-    #[must_use]
-    pub fn control_view(&self) -> Option<ControlView> {
-        let guard = &self.guard;
-        guard.control()?;
-        Some(ControlView {
-            lease: guard.lease(),
-            intent: guard.intent(),
-            setpoint: guard.setpoint(),
-            start_inhibited: guard.is_start_inhibited(),
-            command_pending: self.has_orders(),
-            stop_pending: self.latch.is_some(),
-            not_effective: self.latch.as_ref().is_some_and(|latch| latch.is_late() || latch.is_refused()),
-            failsafe: guard.fail_safe(),
-            output_outside: self.outside.is_told,
-            stopped_elsewhere: self.is_stopped_elsewhere,
-            epoch: guard.epoch(),
-            last: self.last,
-            commands: self.commands,
-            stopped_again: self.again.filter(|again| again.times >= StoppedAgain::TOLD_FROM),
-        })
     }
 
     pub(super) fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool, out: Out<'_>) {
