@@ -78,11 +78,6 @@ impl DriveWork {
         self.outside.nearest = None;
     }
 
-    fn output_frequency(&self) -> Option<Hertz> {
-        let raw = self.output.raw()?;
-        self.output_register.as_ref()?.frequency(raw, self.guard.bases())
-    }
-
     /// The setpoint with which the motor was ordered to run; the highest one if it comes from elsewhere. `None` while nothing
     /// is ordered, or an order is on its way.
     fn ordered_frequency(&self) -> Option<Hertz> {

@@ -2,7 +2,6 @@
 
 use super::DriveWork;
 use crate::drive::view::{ControlView, RunState, StoppedAgain};
-use crate::gateway::stop::StopLatch;
 
 impl DriveWork {
     /// The run state of the drive.
