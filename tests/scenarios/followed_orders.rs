@@ -1,7 +1,7 @@
 //! An order that the drive no longer follows is over: it is told once, and nothing restarts.
 
-use crate::support::families::{accepting, each, rig_of};
-use crate::support::{MQTT, Rig, run};
+use crate::support::families::{accepting, each, options_of};
+use crate::support::{MQTT, Rig, RigOptions, run};
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason, RunIntent};
@@ -18,7 +18,7 @@ fn is_proven(model: &Model) -> bool {
 
 /// A drive that runs at 30 Hz and is stopped by a key, 15 s later.
 fn stopped_by_a_key(model: &Arc<Model>) -> Rig {
-    let mut rig = rig_of(model, accepting());
+    let mut rig = Rig::new(&RigOptions { keeps: true, ..options_of(model, accepting()) });
     let told = rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     assert!(matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged), "{told:?}");
     rig.live(SECOND * 8);

@@ -17,7 +17,7 @@ const SECOND: Duration = Duration::from_secs(1);
 /// A drive whose highest frequency is 150 Hz, and for which somebody has typed 50 Hz.
 fn mistyped(control: ControlSettings) -> Rig {
     let of = |hertz: u32| Arc::new(model("huanyang-gt").with_full_scale(Hertz::from_millihertz(hertz * 1000)));
-    let mut rig = Rig::new(&RigOptions { really: Some(of(150)), ..options_of(&of(50), control) });
+    let mut rig = Rig::new(&RigOptions { really: Some(of(150)), keeps: true, ..options_of(&of(50), control) });
     let told = rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
     assert!(matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged), "{told:?}");
     rig
