@@ -278,10 +278,11 @@ impl LineCore {
     /// The first exchanges since the line was taken over show whether this gateway is the only one that took it: one that
     /// is answered, or silence or something damaged instead.
     pub(super) fn confirm_share(&mut self, now: MonoTime, is_answered: bool, is_damaged: bool) {
-        if let Some(share) = &mut self.share {
-            if !is_answered && !self.health.is_jammed() {
-                share.rule.missed();
-            }
+        if let Some(share) = &mut self.share
+            && !is_answered
+            && !self.health.is_jammed()
+        {
+            share.rule.missed();
         }
         let Some(share) = self.share.as_mut().filter(|share| !share.is_confirmed) else { return };
         share.is_confirmed = is_answered;

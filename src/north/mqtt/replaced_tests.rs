@@ -55,7 +55,7 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
     assert!(of_pump.map(|(topic, _)| topic).eq(["drive/pump/stats"]), "{told:?}");
     assert!(publications(&acts).iter().all(|it| it.retain));
     let info: Value = serde_json::from_str(&on(&acts, "info").unwrap()).unwrap();
-    let names: Vec<_> = info["drives"].as_array().unwrap().iter().cloned().collect();
+    let names = info["drives"].as_array().unwrap().to_vec();
     assert_eq!(names, ["mill", "pump"]);
     // A drive that comes back is published again, and no longer cleared, also on the next connection.
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
