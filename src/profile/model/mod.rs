@@ -318,15 +318,6 @@ impl Model {
         flagged.or_else(code).or_else(|| self.register_for(Role::TripCount))
     }
 
-    /// Whether run state, standstill or trips are read at `address`: without it stops and trips are seen later, or not.
-    #[must_use]
-    pub fn is_essential(&self, address: Address) -> bool {
-        let output = self.register_for(Role::OutputFrequency).map(|register| register.address);
-        let trips = self.trip_register().map(|register| register.address);
-        let mut flags = self.status.iter().filter(|flag| !flag.flag.is_permission()).map(|flag| flag.address);
-        output == Some(address) || trips == Some(address) || flags.any(|flag| flag == address)
-    }
-
     /// Whether the drive serves `function`.
     #[must_use]
     pub fn serves(&self, function: u8) -> bool {

@@ -1,6 +1,6 @@
 //! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
-use super::{Confidence, Fact, Model, RamAlias, Register};
+use super::{Confidence, Fact, Model, RamAlias, Register, Role};
 use crate::domain::address::Address;
 use std::time::Duration;
 
@@ -148,6 +148,15 @@ impl StateText {
 }
 
 impl Model {
+    /// Whether run state, standstill or trips are read at `address`: without it stops and trips are seen later, or not.
+    #[must_use]
+    pub fn is_essential(&self, address: Address) -> bool {
+        let output = self.register_for(Role::OutputFrequency).map(|register| register.address);
+        let trips = self.trip_register().map(|register| register.address);
+        let mut flags = self.status.iter().filter(|flag| !flag.flag.is_permission()).map(|flag| flag.address);
+        output == Some(address) || trips == Some(address) || flags.any(|flag| flag == address)
+    }
+
     /// The register that shows the states of the drive's own state machine.
     #[must_use]
     pub fn state_register(&self) -> Option<&Register> {
