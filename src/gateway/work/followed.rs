@@ -1,6 +1,7 @@
 //! Whether the drive still follows its order to run. One that was seen running and then shows for a while that it neither
 //! runs nor ramps was stopped elsewhere: by its panel, a terminal, another master, or a dip of its supply.
 
+use super::follow_watch::Followed;
 use super::{DriveWork, Out};
 use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::time::MonoTime;
@@ -14,16 +15,6 @@ use std::time::Duration;
 const READINGS: u8 = 3;
 /// The least time between the first and the last of them.
 const LASTS: Duration = Duration::from_secs(2);
-
-/// What the drive has shown since it was ordered to run.
-#[derive(Debug, Default)]
-pub(super) struct Followed {
-    /// It was seen running.
-    has_run: bool,
-    /// The last readings in a row that show it at rest, and when the first of them arrived.
-    at_rest: u8,
-    since: MonoTime,
-}
 
 impl DriveWork {
     /// A new order begins.

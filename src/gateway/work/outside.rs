@@ -1,6 +1,7 @@
 //! The output, held against what was ordered: a motor that turns faster than the configuration allows, or far from its
 //! setpoint, is told, and is neither started nor made faster.
 
+use super::outside_watch::Outside;
 use super::{DriveWork, Out};
 use crate::domain::command::RunIntent;
 use crate::domain::control::{FailSafe, OnOutputOutside};
@@ -20,17 +21,6 @@ const TOLERANCE_MILLIHERTZ: u32 = 1000;
 const TOLERANCE_PART: u32 = 20;
 /// A ramp comes nearer by more than this between two readings, or over several of them.
 const NEARER_MILLIHERTZ: u32 = 20;
-
-/// How far the output has been from what was ordered.
-#[derive(Debug, Default)]
-pub(super) struct Outside {
-    /// The setpoint that it is compared with.
-    ordered: Option<Hertz>,
-    /// The shortest distance so far, in thousandths of a hertz, and since when it was not shorter.
-    nearest: Option<(u32, MonoTime)>,
-    /// It has been told, and the output was not seen right since.
-    pub(super) is_told: bool,
-}
 
 impl DriveWork {
     /// Takes a reading of the output.

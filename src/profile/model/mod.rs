@@ -7,6 +7,7 @@ mod commit;
 mod document;
 mod evidence;
 mod form;
+mod full_scale;
 mod groups;
 mod link;
 mod order;
@@ -41,7 +42,6 @@ pub use status::{
 pub use stop_bits::StopBits;
 
 use crate::domain::address::Address;
-use crate::domain::frequency::Hertz;
 use crate::domain::link::Framing;
 use std::time::Duration;
 
@@ -197,25 +197,6 @@ impl Model {
             register.poll.filter(|_| (is_own && is_whole) || is_part)
         };
         self.registers.iter().filter_map(class).min()
-    }
-
-    /// The model of a drive whose configuration states `full_scale`, for registers that are fractions of it.
-    #[must_use]
-    pub fn with_full_scale(&self, full_scale: Hertz) -> Self {
-        let mut model = self.clone();
-        for scale in model.registers.iter_mut().filter_map(|register| register.form.full_scale.as_mut()) {
-            if scale.of == Whole::Configured {
-                scale.of = Whole::Fixed(full_scale);
-            }
-        }
-        model
-    }
-
-    /// Whether a register is a fraction of a full scale that the configuration of the drive must state.
-    #[must_use]
-    pub fn needs_full_scale(&self) -> bool {
-        let scales = self.registers.iter().filter_map(|register| register.form.full_scale.as_ref());
-        scales.into_iter().any(|scale| matches!(scale.of, Whole::Configured | Whole::Fixed(_)))
     }
 
     /// The drive's own parameter that holds that full scale, if the model names it.
