@@ -1,7 +1,6 @@
 //! The output, held against what was ordered: a motor that turns faster than the configuration allows, or far from its
 //! setpoint, is told, and is neither started nor made faster.
 
-use super::outside_watch::Outside;
 use super::{DriveWork, Out};
 use crate::domain::command::RunIntent;
 use crate::domain::control::{FailSafe, OnOutputOutside};
