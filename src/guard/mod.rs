@@ -23,6 +23,7 @@ mod registers;
 mod restart_tests;
 mod review;
 mod setpoint;
+mod setting;
 mod sign;
 mod state;
 #[cfg(test)]

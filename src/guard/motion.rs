@@ -1,7 +1,7 @@
 //! The review of orders that may move a motor: setpoint and RUN, and their interlocks.
 
 use super::review::{Facts, Verdict, no_steps, refused};
-use super::setpoint::InForce;
+use super::setting::InForce;
 use super::state::DriveGuard;
 use crate::domain::command::{
     CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Report, RunIntent,

@@ -5,7 +5,7 @@ use super::approved::StopOrder;
 use super::interlocks::Interlocks;
 use super::orphan::Orphan;
 use super::owners::Owners;
-use super::setpoint::{Setpoint, Setting};
+use super::setting::{Setpoint, Setting};
 use crate::domain::command::{Direction, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::fail_safe::FailSafeRun;
