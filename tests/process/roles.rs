@@ -8,7 +8,7 @@ use std::time::Duration;
 use vfd_gateway::daemon::exchange::inbox::Message;
 use vfd_gateway::daemon::exchange::shared::SharedLine;
 use vfd_gateway::domain::report::{LineReport, LineState};
-use vfd_gateway::domain::standby::{LineRole, StandbyReport};
+use vfd_gateway::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 
 const ACTIVE: StandbyReport = StandbyReport {
     role: LineRole::Active,
@@ -18,16 +18,10 @@ const ACTIVE: StandbyReport = StandbyReport {
     hears_other: false,
     listener: Some(true),
     kept: 0,
+    trouble: StandbyTrouble { is_deaf: false, files_differ: false, unknown_station: None },
 };
-const HEARS: StandbyReport = StandbyReport {
-    role: LineRole::Listening,
-    take_overs: 1,
-    given_up: 1,
-    rivals: 0,
-    hears_other: true,
-    listener: None,
-    kept: 0,
-};
+const HEARS: StandbyReport =
+    StandbyReport { role: LineRole::Listening, given_up: 1, hears_other: true, listener: None, ..ACTIVE };
 const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };
 
 fn show(line: &SharedLine, standby: StandbyReport) {
