@@ -159,7 +159,8 @@ fn a_drive_that_does_not_get_ready_is_not_started_now_or_later() {
     hold_back(&mut rig, true);
     assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Failed, Reason::NotReady));
     let last = rig.view(0).control.unwrap().last.unwrap();
-    assert_eq!((last.register, last.held), (Some(STATUS.into()), Some(0)), "{}", last.message());
+    // "Switch on disabled", in which it rests.
+    assert_eq!((last.register, last.held), (Some(STATUS.into()), Some(0x40)), "{}", last.message());
     rig.live(SECOND);
     assert_eq!(rig.written(RUN), [SHUT_DOWN, SHUT_DOWN], "the second takes it back");
     assert!(rig.notes.iter().any(|(_, note)| *note == Note::StartTakenBack));

@@ -64,7 +64,7 @@ fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
     for (kind, word) in run.words() {
         let register = run.places.named(kind).map(|name| name.value.as_str());
         let Some(first) = taken.insert((register, word.value), &word.location) else { continue };
-        let what = format!("the word {} is taken by {}", super::run::shown(word.value, run), first.key);
+        let what = format!("the word {} is taken by {}", run.shown(word.value), first.key);
         problems.push(word.location.problem(what).right("a word that no other run command uses"));
     }
     if let Some(direction) = run.places.direction.as_ref().and_then(|fact| fact.value.as_ref())

@@ -1,6 +1,5 @@
 //! The rules for the words of a reset: nothing in it runs the motor, and what must be cleared is cleared.
 
-use super::run::shown;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ResetStepFile, RunFile};
 use crate::profile::model::OrderKind;
@@ -50,8 +49,8 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
     };
     let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else { return };
     let ends_with_stop = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
-    let mut example = vec![shown(stop.value, run), shown(reset.value, run)];
-    example.extend(ends_with_stop.then(|| shown(stop.value, run)));
+    let mut example = vec![run.shown(stop.value), run.shown(reset.value)];
+    example.extend(ends_with_stop.then(|| run.shown(stop.value)));
     let right = format!("[{}], or up to {WORDS_MAX} words of these only", example.join(", "));
     match &run.reset_sequence {
         OptionalKey::Absent => {
@@ -86,7 +85,7 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
     let name = run.places.named(OrderKind::Reset).map_or("", |name| &name.value);
     let words = run.reset.iter().filter_map(|fact| fact.value.as_ref()).chain(&run.places.clear);
     let table = |word: &Spanned<u16>| format!("{{ register = \"{name}\", value = {} }}", word.value);
-    let stop = run.stop.value.iter().map(|word| shown(word.value, run));
+    let stop = run.stop.value.iter().map(|word| run.shown(word.value));
     let example: Vec<_> = stop.chain(words.map(table)).collect();
     let problem = sequence.location.problem("a reset in a register of its own is a stop, the reset and `clear`");
     let right = format!("leave it out, or [{}], or up to {WORDS_MAX} of these only", example.join(", "));

@@ -20,20 +20,12 @@ pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFil
     commands_are_taken(location, registers, problems);
 }
 
-/// `word` in the notation of the file's form.
-pub(super) fn shown(word: u16, run: &RunFile) -> String {
-    match run.form.as_ref().map(|form| form.value) {
-        Some(FormWord::Bits) => format!("0x{word:04X}"),
-        Some(FormWord::Values) | None => word.to_string(),
-    }
-}
-
 /// No command uses a forbidden word.
 fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
     for (register, Spanned { value: never, location }) in run.never() {
         let is_there = |kind| run.places.named(kind).map(|name| name.value.as_str()) == register;
         if let Some((_, word)) = run.words().find(|(kind, word)| word.value == *never && is_there(*kind)) {
-            let what = format!("the word {} is the command {}", shown(*never, run), word.location.key);
+            let what = format!("the word {} is the command {}", run.shown(*never), word.location.key);
             problems.push(location.problem(what).right("a word that is not a command"));
         }
     }

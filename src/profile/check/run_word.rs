@@ -1,7 +1,6 @@
 //! Proves by bits and fields that each run command does what its name says, and what a word of zeros does.
 
 use super::keys::once;
-use super::run::shown;
 use crate::domain::command::Direction;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FieldFile, FormWord, RunFile};
@@ -238,7 +237,7 @@ pub(super) fn zero_is_known(run: &RunFile, location: &Location, problems: &mut V
     };
     let Some(Spanned { value: stated, location }) = &zero.value else { return };
     if let Some((order, word)) = run.own_words().find(|(_, word)| word.value == 0) {
-        let what = format!("the word {} is the command {}", shown(0, run), word.location.key);
+        let what = format!("the word {} is the command {}", run.shown(0), word.location.key);
         match by_command(order) {
             Some(right) if right == *stated => {}
             Some(right) => problems.push(location.problem(what).right(quoted(right))),

@@ -1,7 +1,7 @@
 //! The rules for a start in several words.
 
 use super::keys::{readable, with_role};
-use super::{run, run_word};
+use super::run_word;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, RunFile, StartStepFile};
 use crate::profile::model::{Flag, OrderKind, Role};
@@ -100,8 +100,8 @@ fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
     let Some(stop) = run.stop.value.as_ref().filter(|_| !is_shown) else { return };
     let words = run.start.steps.iter().filter_map(|step| step.write.as_ref());
     for word in words.filter(|word| word.value != stop.value) {
-        let what = format!("the word {} may cut off a motor that still ramps down", run::shown(word.value, run));
-        let right = format!("`until` in the last `[[run.start]]`, or the stop {}", run::shown(stop.value, run));
+        let what = format!("the word {} may cut off a motor that still ramps down", run.shown(word.value));
+        let right = format!("`until` in the last `[[run.start]]`, or the stop {}", run.shown(stop.value));
         problems.push(word.location.problem(what).right(right));
     }
 }
@@ -110,11 +110,11 @@ fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
 fn moves_nothing(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
     let is_order = |kind: OrderKind| matches!(kind, OrderKind::Forward | OrderKind::Reverse | OrderKind::Reset);
     if let Some((_, order)) = run.own_words().find(|(kind, it)| is_order(*kind) && it.value == word.value) {
-        let what = format!("the word {} is the command {}", run::shown(word.value, run), order.location.key);
+        let what = format!("the word {} is the command {}", run.shown(word.value), order.location.key);
         problems.push(word.location.problem(what).right("a word that does not move the motor"));
     }
     if run.never().any(|(register, never)| register.is_none() && never.value == word.value) {
-        let what = format!("the word {} is one of `never`", run::shown(word.value, run));
+        let what = format!("the word {} is one of `never`", run.shown(word.value));
         problems.push(word.location.problem(what).right("another word"));
     }
     if run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits) {

@@ -126,6 +126,14 @@ impl RunFile {
             states: self.states.iter().map(|state| state.ready(registers)).collect::<Option<_>>()?,
         })
     }
+
+    /// `word` in the notation of the file's form.
+    pub fn shown(&self, word: u16) -> String {
+        match self.form.as_ref().map(|form| form.value) {
+            Some(FormWord::Bits) => format!("0x{word:04X}"),
+            Some(FormWord::Values) | None => word.to_string(),
+        }
+    }
 }
 
 /// What a drive does with a word of zeros, for a file that says something else.

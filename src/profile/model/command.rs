@@ -1,12 +1,20 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{
-    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, StateText, StopBits,
-    ZeroWord,
+    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, StateText, ZeroWord,
 };
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
 use crate::domain::link::Interface;
+
+/// Bits of an order to run, beside those that run the motor, and what a stop does with them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StopBits {
+    /// The stop has them as the last order to run had them.
+    pub keeps: u16,
+    /// The stop changes them, as its documents have it.
+    pub drops: u16,
+}
 
 /// How run commands are given: words written to one register, or to those in `places`.
 #[derive(Clone, Debug, PartialEq)]

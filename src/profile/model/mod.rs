@@ -22,7 +22,9 @@ mod watchdog;
 
 pub use alias::RamAlias;
 pub use codes::CodeRule;
-pub use command::{Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, Watchdog, WriteRules};
+pub use command::{
+    Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, StopBits, Watchdog, WriteRules,
+};
 pub use commit::{Commit, CommitEffect, CommitWord};
 pub use document::{Document, DocumentKind};
 pub use evidence::SecondSource;
@@ -39,7 +41,6 @@ pub use status::{
     Barrier, BarrierRead, ClearWords, CodeText, ExceptionKind, Flag, MaskedText, MaskedWord, Quirks, StateText,
     StatusFlag,
 };
-pub use stop_bits::StopBits;
 
 use crate::domain::address::Address;
 use crate::domain::link::Framing;

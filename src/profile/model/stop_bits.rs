@@ -3,15 +3,6 @@
 use super::{BitMeaning, RunCommand, RunField, RunForm};
 use crate::domain::command::Direction;
 
-/// Bits of an order to run, beside those that run the motor, and what a stop does with them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StopBits {
-    /// The stop has them as the last order to run had them.
-    pub keeps: u16,
-    /// The stop changes them, as its documents have it.
-    pub drops: u16,
-}
-
 impl RunCommand {
     /// The word that stops a motor that was last ordered to run in direction `after`.
     #[must_use]
