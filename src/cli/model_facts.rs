@@ -82,7 +82,9 @@ impl Unproven {
             unproven.run(run);
         }
         for status in &model.status {
-            unproven.note(format!("status `{}`", word_for(&FLAGS, &status.flag)), status.confidence);
+            let what = format!("status `{}`", word_for(&FLAGS, &status.flag));
+            unproven.add_some(&format!("other words of {what}"), status.others_clear.as_ref());
+            unproven.note(what, status.confidence);
         }
         for trip in &model.trip_codes {
             unproven.note(format!("text of trip {}", trip.code), trip.confidence);

@@ -55,6 +55,7 @@ fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
         mask,
         values: vec![mask],
         clear: ClearWords::Others,
+        others_clear: None,
         confidence,
         source,
     }

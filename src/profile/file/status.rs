@@ -1,7 +1,7 @@
 //! `[[status]]`, `[[trip]]` and `[[exception]]`: status flags, and the texts of trips and exceptions.
 
 use super::ModelFile;
-use super::facts::{FactFile, Facts, Origin, filled_with};
+use super::facts::{FactFile, Facts, Origin, filled_with, optional};
 use crate::domain::address::Address;
 use crate::profile::model::{ClearWords, CodeText, ExceptionKind, Flag, MaskedWord, StatusFlag};
 use crate::profile::register::address_of;
@@ -46,11 +46,12 @@ impl StatusFile {
         let address = address_of(&self.register.as_ref()?.value, &file.registers)?;
         let mask = self.mask.or(u16::MAX)?;
         let is_one_bit = mask.is_power_of_two() || address.table().is_of_bits();
-        let others_are_clear = is_one_bit || flag.is_permission() || self.others_clear.is_some();
+        let others_clear = optional(self.others_clear.as_ref())?;
+        let others_are_clear = is_one_bit || flag.is_permission() || others_clear.is_some();
         let clear =
             if others_are_clear { ClearWords::Others } else { ClearWords::Named(named_words(file, address, mask)) };
         let values = self.values.as_ref()?.value.iter().map(|word| word.value).collect();
-        Some(StatusFlag { flag, address, mask, values, clear, confidence, source })
+        Some(StatusFlag { flag, address, mask, values, clear, others_clear, confidence, source })
     }
 
     /// The words that it names, under its mask; none if it is about another field than the one under `mask` at `address`.

@@ -46,6 +46,8 @@ pub struct StatusFlag {
     pub values: Vec<u16>,
     /// The words for which it is not set.
     pub clear: ClearWords,
+    /// Where the file says that it is not set for any other word: how sure that is.
+    pub others_clear: Option<Fact<()>>,
     /// Confidence.
     pub confidence: Confidence,
     /// Document and place.
