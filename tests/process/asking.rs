@@ -2,6 +2,7 @@
 
 use super::mosquitto::free_port;
 use super::rig::{Place, gateway, reserved, simulate, start, vfd_gateway};
+use super::roles::HEARS;
 use super::standin::StandIn;
 use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
@@ -212,13 +213,17 @@ fn a_start_of_which_nobody_knows_what_became_is_stopped() {
 }
 
 #[test]
-fn health_is_0_only_when_the_gateway_is_ready() {
+fn health_is_0_only_when_the_gateway_is_ready_and_its_drives_were_read() {
     let place = Place::new();
     let (address, state) = served(&place.file(""));
     let (socket, url) = (place.file("vfd-gateway.sock"), format!("http://{address}"));
     let by_socket = ["health", "--socket", socket.to_str().unwrap()];
     for args in [by_socket, ["health", "--url", &url]] {
-        state.shared.load().lines[0].set_report(LineReport { state: LineState::Up, ..LineReport::default() });
+        let line = |standby| LineReport { state: LineState::Up, standby, ..LineReport::default() };
+        state.shared.load().lines[0].set_report(line(None));
+        assert_fails(&vfd_gateway(&args), 1, &["nothing was ever read of pump-1"]);
+        // Another gateway reads the drives of a line that this one only listens to.
+        state.shared.load().lines[0].set_report(line(Some(HEARS)));
         let output = vfd_gateway(&args);
         assert_eq!(output.status.code(), Some(0), "{}", failure(&output).1);
         for line in ["gateway plant-a: ", "line hall-1: up", "drive pump-1 (hyundai-n700 on hall-1): unknown, unknown"]

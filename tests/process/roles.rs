@@ -20,7 +20,7 @@ const ACTIVE: StandbyReport = StandbyReport {
     kept: 0,
     trouble: StandbyTrouble { is_deaf: false, files_differ: false, unknown_station: None },
 };
-const HEARS: StandbyReport =
+pub const HEARS: StandbyReport =
     StandbyReport { role: LineRole::Listening, given_up: 1, hears_other: true, listener: None, ..ACTIVE };
 const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };
 
