@@ -128,7 +128,7 @@ fn answers_that_are_wrong_or_missing_write_nothing() {
         |more: &[&'static str]| [&drive[..], &["--ways", "page", "--page-listen", "127.0.0.1:0"], more].concat();
     let wrong = [
         (flags(&["--command-from", "mqtt"]), "`mqtt` is none of page"),
-        (flags(&["--command-from", "page", "--page-user", "an na"]), "--page-user: letters"),
+        (flags(&["--command-from", "page", "--page-user", "an na"]), "--page-user: a name has 1 to 32 letters"),
         (["--drive", "pump-1=n700@1", "--port", "/dev/x"].to_vec(), "no model is called n700"),
     ];
     for (args, word) in wrong {
