@@ -77,7 +77,7 @@ fn a_word_without_a_place_of_its_own_is_unproven_and_is_shown_so_before_the_file
     let mut answers = ANSWERS;
     (answers[13], answers[14]) = ("4", "5");
     let said = text(&answered(&["acme-flux-2", "--out", out], &answers));
-    let before = said.find("is written").expect("it is written");
+    let before = said.find("flux.toml is written").expect("it is written");
     for row in
         ["stop                         0x0004   third-party", "forward                      0x0005   third-party"]
     {

@@ -17,7 +17,7 @@ pub(super) fn confirm(side: &LocalSide, who: Who, drive: &SharedDrive) -> Respon
     }
     let (shared, place) = (side.shared(), drive.description.place);
     let message = Message::ConfirmStandstill(place.drive, who.owner());
-    if !shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok()) {
+    if shared.inbox(place).is_none_or(|inbox| inbox.put(message).is_err()) {
         return refusal(StatusCode::SERVICE_UNAVAILABLE, "the drive's line takes no messages");
     }
     tracing::info!(drive = %drive.description.name, by = %who.owner(), "confirmed that the motor stands");
