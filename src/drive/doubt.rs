@@ -15,7 +15,7 @@ pub const READ_AGAIN_AFTER: Duration = Duration::from_secs(1);
 /// Most blocks that are doubted at once: more than a plan has of those that matter.
 const BLOCKS_MAX: usize = 64;
 
-/// Watches a counter that only rises, unless somebody clears it.
+/// Watches a counter that only rises, unless it is cleared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FallWatch {
     fall: Option<Fall>,

@@ -1,4 +1,4 @@
-//! The files of an open database, which somebody may delete or replace.
+//! The files of an open database, which may be deleted or replaced.
 
 use super::database::Database;
 use crate::daemon::host::file_identity::FileIdentity;

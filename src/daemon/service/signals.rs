@@ -1,6 +1,6 @@
 //! Signals: which end the gateway in good order, and which it does not follow.
 //!
-//! A signal that nobody handles ends the process at once, without `on_shutdown`. So each that can be handled is.
+//! A signal without a handler ends the process at once, without `on_shutdown`. So each that can be handled is.
 
 use rustix::process::Signal as Number;
 use std::borrow::Cow;

@@ -9,10 +9,12 @@ use crate::daemon::http::answers::refusal;
 use crate::daemon::http::{setup, standstill};
 use crate::daemon::local::Who;
 use crate::domain::command::{Order, Outcome, Reason, Report};
+use crate::domain::ids::CommanderName;
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::command_words::{Refused, stop_in};
 use crate::north::operator::body::{PageCommand, is_empty, wish};
+use crate::north::operator::moments::Old;
 use crate::north::shown;
 use crate::north::texts::Sentence;
 use crate::profile::scale::setpoint_step;
@@ -114,19 +116,29 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
     }
 }
 
+/// Who asks with an empty body about the drive `name`, which that user may command, and why the request may be old.
+async fn for_drive(
+    control: &Arc<Control>,
+    name: &str,
+    request: Request,
+) -> Result<(CommanderName, Option<Old>, Arc<SharedDrive>), Box<Response>> {
+    let Admitted { user, rights, body, old, .. } = admit(control, request).await.and_then(Admitted::whole)?;
+    if !is_empty(&body) {
+        return Err(Box::new(refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}")));
+    }
+    let Some(drive) = find(control, name) else { return Err(Box::new(unknown(control, name))) };
+    if !rights.may_command(drive.description.group.as_ref()) {
+        return Err(Box::new(not_allowed(&drive)));
+    }
+    Ok((user, old, drive))
+}
+
 /// Renews the lease of the signed-in user.
 pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
-    let Admitted { user, rights, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
+    let (user, old, drive) = match for_drive(&control, &name, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
-    if !is_empty(&body) {
-        return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
-    }
-    let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
-    if !rights.may_command(drive.description.group.as_ref()) {
-        return not_allowed(&drive);
-    }
     let report = match old {
         None => control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await,
         Some(_) => Report::refused(Reason::Stale),
@@ -146,17 +158,10 @@ pub(super) async fn confirm_standstill(
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
-    let Admitted { user, rights, body, old, .. } = match admit(&control, request).await.and_then(Admitted::whole) {
+    let (user, old, drive) = match for_drive(&control, &name, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
-    if !is_empty(&body) {
-        return refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}");
-    }
-    let Some(drive) = find(&control, &name) else { return unknown(&control, &name) };
-    if !rights.may_command(drive.description.group.as_ref()) {
-        return not_allowed(&drive);
-    }
     if let Some(old) = old {
         let mut answer = told(&drive, Report::refused(Reason::Stale));
         answer["error"] = old.to_string().into();
