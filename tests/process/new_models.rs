@@ -26,7 +26,7 @@ fn text(output: &Output) -> String {
 }
 
 /// The invented drive of `deploy/adding-a-drive.md`.
-const ANSWERS: [&str; 23] = [
+const ANSWERS: [&str; 22] = [
     "Acme",
     "Flux 2",
     "Acme Flux 2 user manual",
@@ -47,7 +47,6 @@ const ANSWERS: [&str; 23] = [
     "100",
     "P0-02",
     "run commands: 2, communication",
-    "",
     "",
     "y",
 ];
@@ -87,7 +86,7 @@ fn a_word_without_a_place_of_its_own_is_unproven_and_is_shown_so_before_the_file
     let written = std::fs::read_to_string(&file).unwrap();
     assert!(written.contains("value = 0x0004, confidence = \"third-party\""), "{written}");
     assert!(written.contains("value = 0x0003, confidence = \"manual\", source = \"UM 9.5 word 3\""), "{written}");
-    answers[22] = "n";
+    answers[21] = "n";
     let other = place.file("other.toml");
     assert_says(&answered(&["acme-flux-2", "--out", other.to_str().unwrap()], &answers), 2, &["nothing was written"]);
     assert!(!other.exists());

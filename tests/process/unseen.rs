@@ -17,7 +17,6 @@ fn control(shop: &Shop) -> Value {
 }
 
 #[test]
-#[ignore = "not seen to pass: the stage of the declared action is not the expected one"]
 fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     let mut shop = Shop::open(true);
     let browser = shop.browser();
