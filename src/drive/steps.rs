@@ -32,6 +32,8 @@ pub enum Step {
         least: u16,
         /// Highest accepted word.
         most: u16,
+        /// Why the command is refused otherwise.
+        reason: Reason,
     },
     /// Read a register before anything is written: the masked word must be one of `values`. Otherwise the command is
     /// refused with `reason`, which names the register and its word.

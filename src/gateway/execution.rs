@@ -294,9 +294,9 @@ impl Execution {
 
     fn step_answered(&mut self, index: usize, reply: &Reply, now: MonoTime) -> Next {
         match (self.approved.steps().get(index), reply) {
-            (Some(Step::Check { least, most, .. }), Reply::Words(words)) => match words.first() {
+            (Some(Step::Check { least, most, reason, .. }), Reply::Words(words)) => match words.first() {
                 Some(word) if (least..=most).contains(&word) => self.go_on_from(index, now),
-                _ => Next::Ends(Report::refused(Reason::SetpointUnknown)),
+                _ => Next::Ends(Report::refused(*reason)),
             },
             (Some(Step::Require { address, mask, values, reason }), Reply::Words(words)) => match words.first() {
                 Some(word) if values.contains(&(word & mask)) => self.go_on_from(index, now),

@@ -9,8 +9,8 @@ use crate::domain::command::{
 use crate::domain::control::{ControlAction, ControlSettings, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
-use crate::drive::steps;
-use crate::profile::model::RunForm;
+use crate::drive::steps::{self, Step};
+use crate::profile::model::{Role, RunForm};
 
 impl DriveGuard {
     pub(super) fn review_go(
@@ -57,6 +57,9 @@ impl DriveGuard {
         let commit = self.commit_of(&go, control, facts, now)?;
         let mut steps = steps::of_go(&self.model, &go, control, self.setpoint(), &self.bases).map_err(no_steps)?;
         self.commit_after(&mut steps, commit.as_ref(), now);
+        if go.run().is_some_and(|direction| self.turns_round(direction, control, facts)) {
+            steps.splice(0..0, self.standstill());
+        }
         let moves = go.run().is_some() || (go.frequency().is_some() && !facts.at_standstill);
         if moves || (renews && self.counts_as_held_by(owner, control)) {
             self.take_lease(owner, now);
@@ -135,13 +138,25 @@ impl DriveGuard {
         if self.is_a_start(direction, facts) && self.interlocks.is_too_soon(control.min_start_interval, now) {
             return Err(refused(Reason::StartsTooOften));
         }
-        let turned = facts.turns.or(self.turned);
-        let turns_the_other_way = turned.is_some_and(|turned| turned != direction) && !facts.at_standstill;
-        let too_fast = facts.output.is_none_or(|output| output > control.reverse_below);
-        if turns_the_other_way && too_fast {
+        if self.turns_round(direction, control, facts) && self.standstill().is_none() {
             return Err(refused(Reason::Reversal));
         }
         Ok(())
+    }
+
+    /// Whether RUN would turn a motor round that was last read at speed, or not at all.
+    fn turns_round(&self, direction: Direction, control: &ControlSettings, facts: &Facts) -> bool {
+        let turned = facts.turns.or(self.turned);
+        let is_other = turned.is_some_and(|turned| turned != direction);
+        is_other && !facts.at_standstill && facts.output.is_none_or(|output| output > control.reverse_below)
+    }
+
+    /// The reading that decides whether a motor may be turned round behind its stop: the last one may be of its ramp. It has
+    /// to be 0, which means the same whatever the scale and the sign of the register.
+    fn standstill(&self) -> Option<Step> {
+        let output = self.model.register_for(Role::OutputFrequency).filter(|it| it.form.pair.is_none())?;
+        let is_stopped = self.intent() == RunIntent::Stop;
+        is_stopped.then_some(Step::Check { address: output.address, least: 0, most: 0, reason: Reason::Reversal })
     }
 
     /// Whether RUN would start a motor that is neither known nor ordered to turn.

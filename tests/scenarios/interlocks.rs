@@ -1,10 +1,10 @@
 //! Interlocks between a command that is allowed and a motor that turns.
 
 use crate::support::families::{LOCAL, accepting, listing, models, register, rig_of};
-use crate::support::{MQTT, Rig, STOP, model, run, setpoint};
+use crate::support::{MQTT, ORIGIN, Rig, STOP, model, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
+use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
@@ -17,7 +17,11 @@ const FORWARD: Direction = Direction::Forward;
 const CAUSE: u16 = 2;
 
 fn is_taken(rig: &mut Rig, order: Order) {
-    let (outcome, reason) = rig.commanded(MQTT, order);
+    is_taken_by(rig, MQTT, order);
+}
+
+fn is_taken_by(rig: &mut Rig, origin: Origin, order: Order) {
+    let (outcome, reason) = rig.commanded(origin, order);
     assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{outcome:?} {reason:?}");
 }
 
@@ -131,6 +135,28 @@ fn a_motor_that_was_started_in_reverse_elsewhere_is_not_reversed_at_speed() {
         is_taken(&mut rig, run(Direction::Reverse, Some(3000)));
     }
     assert_eq!(seen, ["frecon-fr500a", "teco-e510", "teco-e510s", "toshiba-vf-as1", "toshiba-vf-s15"]);
+}
+
+/// Its output may have been read before it stopped.
+#[test]
+fn an_order_for_the_other_direction_behind_a_stop_is_judged_by_what_the_motor_does_now() {
+    let is_refused = |told| told == (Outcome::Refused, Reason::Reversal);
+    for model in models().iter().filter(|model| model.run.as_ref().is_some_and(|run| run.reverse.is_some())) {
+        let mut rig = rig_of(model, accepting());
+        is_taken_by(&mut rig, ORIGIN, STOP);
+        for directions in [[Direction::Forward, Direction::Reverse], [Direction::Reverse, Direction::Forward]] {
+            let [one, other] = directions.map(|direction| run(direction, Some(500)));
+            is_taken_by(&mut rig, ORIGIN, one);
+            rig.live(SECOND * 3);
+            is_taken_by(&mut rig, ORIGIN, STOP);
+            while is_refused(rig.commanded(ORIGIN, other.clone())) {
+                assert_ne!(rig.output(1), 0, "{}: it is at standstill", model.id);
+                rig.pass(Duration::from_millis(7));
+            }
+            is_taken_by(&mut rig, ORIGIN, STOP);
+            rig.live(SECOND * 15);
+        }
+    }
 }
 
 #[test]

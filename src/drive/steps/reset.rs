@@ -1,6 +1,7 @@
 //! The steps of a reset, and those that clear the word of one that was interrupted.
 
 use super::{Condition, NoSteps, Step, StepPart, Write};
+use crate::domain::command::Reason;
 use crate::profile::model::{Flag, Model, OrderKind, ResetWrite, Role};
 use std::time::Duration;
 
@@ -33,7 +34,8 @@ pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let clears = model.reset_clears().ok_or(NoSteps::NotCapable)?;
     let (address, reset) = model.order(OrderKind::Reset).ok_or(NoSteps::NotCapable)?;
     let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
-    let check = is_readable.then_some(Step::Check { address, least: reset.value, most: reset.value });
+    let check = Step::Check { address, least: reset.value, most: reset.value, reason: Reason::SetpointUnknown };
+    let check = is_readable.then_some(check);
     let write = Write { address, value: clears.value, part: StepPart::TakesBack, shown: Vec::new() };
     Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
 }

@@ -1,7 +1,7 @@
 //! How a setpoint is written, alone or before the run word, and how the drive shows it.
 
 use super::{Condition, NoSteps, SHOWN_WITHIN, Step, StepPart, Write};
-use crate::domain::command::{Direction, Go};
+use crate::domain::command::{Direction, Go, Reason};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::drive::bases::Bases;
@@ -108,5 +108,5 @@ pub(super) fn check_setting(model: &Model, control: &ControlSettings, bases: &Ba
     let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
     let words = setting.words_within((control.least, control.most), |address| bases.word(address));
     let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
-    Ok(Step::Check { address: setting.address, least, most })
+    Ok(Step::Check { address: setting.address, least, most, reason: Reason::SetpointUnknown })
 }

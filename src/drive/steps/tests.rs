@@ -41,7 +41,7 @@ fn setpoint_and_run_share_a_frame_where_the_model_allows_it() {
 #[test]
 fn run_alone_looks_at_the_drives_own_setting_first() {
     let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
-    let check = Step::Check { address: 0x0201_u16.into(), least: 500, most: 5000 };
+    let check = Step::Check { address: 0x0201_u16.into(), least: 500, most: 5000, reason: Reason::SetpointUnknown };
     let run = one(0x0002, 2, StepPart::Run(Direction::Reverse), vec![]);
     assert_eq!(of_go(&model(), &go, &control(), Some(hertz(3000)), &Bases::default()).unwrap(), [check, run]);
 }
