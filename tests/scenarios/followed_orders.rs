@@ -1,7 +1,7 @@
 //! An order that the drive no longer follows is over: it is told once, and nothing restarts.
 
-use crate::support::families::{accepting, each, options_of};
-use crate::support::{MQTT, Rig, RigOptions, run};
+use crate::support::families::{accepting, each, options_of, rig_of};
+use crate::support::{MQTT, Rig, RigOptions, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason, RunIntent};
@@ -67,5 +67,24 @@ fn a_status_that_no_document_proves_ends_no_order() {
         }
         let rig = stopped_by_a_key(model);
         assert_eq!((told(&rig), rig.view(0).control.unwrap().intent), (0, RunIntent::Run(Direction::Forward)));
+    });
+}
+
+#[test]
+fn a_controller_that_goes_on_writing_setpoints_does_not_hide_that_the_drive_was_stopped() {
+    each(|model| {
+        if model.run.is_none() || !is_proven(model) {
+            return;
+        }
+        let mut rig = rig_of(model, accepting());
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+        rig.live(SECOND * 8);
+        let now = rig.now;
+        rig.bus.drive_mut(Station(1)).unwrap().operate(now, None);
+        for count in 0..60 {
+            rig.command(MQTT, 0, setpoint(3000 + count % 2 * 100));
+            rig.live(SECOND / 4);
+        }
+        assert_eq!(told(&rig), 1, "{:?}", rig.notes);
     });
 }

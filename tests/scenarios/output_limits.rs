@@ -87,3 +87,27 @@ fn a_motor_that_others_hold_away_from_the_setpoint_is_told_until_it_is_right() {
         assert!(rig.notes.iter().any(|(_, note)| *note == Note::OutputRight), "{id}");
     }
 }
+
+#[test]
+fn a_setpoint_that_moves_all_the_time_hides_no_motor_above_its_limits() {
+    let mut rig = mistyped(accepting());
+    for count in 0..40 {
+        rig.command(MQTT, 0, setpoint(2000 + count % 3 * 10));
+        rig.live(SECOND / 2);
+    }
+    assert_eq!(alarms(&rig), 1, "{:?}", rig.notes);
+}
+
+/// A drive without a status word shows by its output alone that it does not run.
+#[test]
+fn a_motor_that_stands_although_it_is_ordered_to_run_is_told() {
+    let mut rig = rig_of(&model("hyundai-n700"), accepting());
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 10);
+    let now = rig.now;
+    rig.bus.drive_mut(Station(1)).unwrap().operate(now, None);
+    rig.live(SECOND * 30);
+    assert_eq!(rig.output(1), 0);
+    let is_alarm = |note: &Note| matches!(note, Note::OutputOutside { .. });
+    assert_eq!(rig.notes.iter().filter(|(_, note)| is_alarm(note)).count(), 1, "{:?}", rig.notes);
+}

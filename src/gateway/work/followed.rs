@@ -46,11 +46,10 @@ impl DriveWork {
         }
     }
 
-    /// The direction of the order that the drive has acknowledged, if nothing else is on its way.
+    /// The direction of the order to run that the drive has acknowledged. What else is on its way does not change it.
     fn order_in_force(&self) -> Option<Direction> {
-        let is_alone = self.latch.is_none() && self.current.is_none() && self.waiting.is_empty();
         match self.guard.intent() {
-            RunIntent::Run(direction) if is_alone && self.guard.is_run_acknowledged() => Some(direction),
+            RunIntent::Run(direction) if self.latch.is_none() && self.guard.is_run_acknowledged() => Some(direction),
             _ => None,
         }
     }
