@@ -42,17 +42,20 @@ pub struct Sight {
     may_still_run: bool,
     /// That was told.
     is_told: bool,
+    /// A person has confirmed since then that the motor stands.
+    is_confirmed: bool,
 }
 
 impl Sight {
     /// The drive is out of sight; its last readings showed `last_seen`, or there were none. `may_run`: it was not seen at
-    /// standstill, or was ordered to run since. Returns whether it is to be told that it may still run.
+    /// standstill, or was ordered to run since. What a person has confirmed holds until it is seen again. Returns whether it
+    /// is to be told that it may still run.
     pub const fn lost(&mut self, last_seen: Option<LastSeen>, may_run: bool) -> bool {
         if !self.is_away {
             self.is_away = true;
             self.last_seen = last_seen;
         }
-        self.may_still_run |= may_run;
+        self.may_still_run |= may_run && !self.is_confirmed;
         let is_news = self.may_still_run && !self.is_told;
         self.is_told |= is_news;
         is_news
@@ -70,6 +73,7 @@ impl Sight {
 
     /// A person confirms that the motor stands. Returns whether it was thought to run.
     pub const fn confirmed(&mut self) -> bool {
+        self.is_confirmed = true;
         std::mem::replace(&mut self.may_still_run, false)
     }
 
@@ -100,6 +104,7 @@ mod tests {
         assert!(!sight.lost(None, false), "told once");
         assert_eq!(sight.view(), SightView { last_seen: Some(RUNS), may_still_run: true });
         assert!(sight.confirmed() && !sight.confirmed());
+        assert!(!sight.lost(None, true), "nothing is known that the person did not see");
         assert_eq!(sight.view(), SightView { last_seen: Some(RUNS), may_still_run: false });
         assert!(sight.seen(), "it was told, so that it is over is told as well");
         assert_eq!(sight.view(), SightView::default());

@@ -198,7 +198,12 @@ impl LineCore {
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
-            Input::PathAlive(owner) => self.drives.works_mut().for_each(|work| work.path_alive(owner, now)),
+            Input::PathAlive(owner) => {
+                for drive in self.drives.iter_mut() {
+                    let is_reached = self.state != LineState::Down && !drive.is_offline();
+                    drive.work.path_alive(owner, is_reached, now);
+                }
+            }
             Input::PathOpened(_) => self.drives.works_mut().for_each(DriveWork::new_epoch),
             Input::ResetUsage(drive, owner) => {
                 if let Some(drive) = self.drives.get_mut(drive) {
@@ -218,9 +223,10 @@ impl LineCore {
             }
             Input::Kept(row) => self.drives.works_mut().for_each(|work| work.kept(row)),
             Input::Leave { stops } => {
-                let stops = stops && !self.listens();
+                let listens = self.listens();
                 for work in self.drives.works_mut() {
-                    work.leave(now, stops, &mut self.effects);
+                    let is_ours = !listens || work.is_bound();
+                    work.leave(now, stops && is_ours, &mut self.effects);
                 }
             }
             Input::Yield => self.on_yield(now),
@@ -307,15 +313,15 @@ impl LineCore {
 
     /// The drives that may be commanded and that run, are under control, or still have to be stopped.
     pub fn in_use(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        // Of a line that is listened to, another gateway uses them.
+        // On a line that is listened to, a drive that moves is in use by another gateway.
         let listens = self.listens();
-        self.drives.iter().filter(move |drive| !listens && drive.work.is_in_use()).map(|drive| drive.index)
+        let is_ours = move |work: &DriveWork| !listens || work.is_bound();
+        self.drives.iter().filter(move |it| it.work.is_in_use() && is_ours(&it.work)).map(|it| it.index)
     }
 
     /// The drives that still need this line: a stop in progress, a reset that has begun, control.
     pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        let listens = self.listens();
-        self.drives.iter().filter(move |drive| !listens && drive.work.is_bound()).map(|drive| drive.index)
+        self.drives.iter().filter(|drive| drive.work.is_bound()).map(|drive| drive.index)
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {

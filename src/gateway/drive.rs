@@ -86,7 +86,7 @@ impl DriveOnLine {
             line_is_up: line == LineState::Up,
             snapshot: self.snapshot.clone(),
             run_state: work.run_state(line == LineState::Down || self.is_offline()),
-            sight: work.sight_view(line == LineState::Down || self.is_offline()),
+            sight: work.sight_view(),
             status: work.status_view(),
             trip: work.trips().view().clone(),
             trip_kept: work.trips_kept().clone(),

@@ -44,9 +44,15 @@ impl LineCore {
         self.health.is_mute &= fault == LineFault::Mute;
         self.counters.port_downs += 1;
         self.lose_exchange(now);
-        // What it ordered itself is kept in mind before it is forgotten.
+        // What it saw and ordered itself is kept in mind before it is forgotten.
+        self.lose_sight();
         self.share_port_gone(now);
         self.end_waiting(now);
+    }
+
+    /// No drive of the line can be seen any more.
+    pub(super) fn lose_sight(&mut self) {
+        self.drives.works_mut().for_each(|work| work.lose_sight(&mut self.effects));
     }
 
     /// What is on the wire is lost; its reply may still arrive, later.

@@ -26,8 +26,8 @@ impl DriveGuard {
         is_further.then_some(*run)
     }
 
-    /// An order of `owner` was refused because the drive cannot be reached: that renews nothing, but the client is there.
-    pub(super) fn was_out_of_reach(&mut self, owner: Owner, now: MonoTime) {
+    /// The drive cannot be reached: what `owner` orders, or its open connection, renews nothing, but the client is there.
+    pub fn was_out_of_reach(&mut self, owner: Owner, now: MonoTime) {
         if let Some(lease) = self.lease.as_mut().filter(|lease| lease.owner == owner) {
             lease.refused_at = Some(now);
         }

@@ -14,6 +14,7 @@ use vfd_gateway::drive::sight::{LastSeen, SeenAt, SightView};
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::{Input, Note};
 use vfd_gateway::journal::{Entry, Remembered, RememberedLease};
+use vfd_gateway::sim::FaultPlan;
 
 const RUN: u16 = 0x0002;
 /// The lease of the rig's control section.
@@ -187,4 +188,16 @@ fn a_restart_does_not_forget_what_was_not_seen_to_stand() {
         rig.pass(Duration::from_secs(2));
         assert_eq!(seen(&rig), (false, None), "it is in sight");
     }
+}
+
+#[test]
+fn an_open_session_renews_nothing_while_the_drive_is_out_of_reach() {
+    let mut rig = running_by(MQTT, FailSafe::Stop);
+    rig.bus.set_faults("lost=1000".parse().unwrap());
+    rig.live(LOST_AFTER * 2);
+    assert_eq!(rig.view(0).run_state, RunState::Offline);
+    assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Due)), "as for a client whose orders are refused");
+    rig.bus.set_faults(FaultPlan::NONE);
+    rig.live(Duration::from_secs(40));
+    assert_eq!((rig.output(1), stage(&rig)), (0, Some((Cause::OutOfReach, FailSafeStage::Effective))));
 }

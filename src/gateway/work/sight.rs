@@ -10,10 +10,10 @@ use crate::gateway::stop::StopLatch;
 use crate::journal::{Entry, Remembered};
 
 impl DriveWork {
-    /// What was last seen of it, if it `is_away`.
+    /// What was last seen of it, until it is seen again.
     #[must_use]
-    pub fn sight_view(&self, is_away: bool) -> SightView {
-        if is_away { self.sight.view() } else { SightView::default() }
+    pub const fn sight_view(&self) -> SightView {
+        self.sight.view()
     }
 
     /// A person, `owner`, confirms that the motor stands.
@@ -53,7 +53,7 @@ impl DriveWork {
     }
 
     /// The drive cannot be asked any more. To be called before readings and orders are forgotten.
-    pub(super) fn lose_sight(&mut self, out: Out<'_>) {
+    pub fn lose_sight(&mut self, out: Out<'_>) {
         let read_at = self.output.at().max(self.status_at);
         let last_seen = read_at.map(|at| LastSeen {
             run_state: self.run_state(false),
