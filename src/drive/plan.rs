@@ -28,6 +28,8 @@ use std::time::Duration;
 const VAIN_MAX: u8 = 3;
 /// Period of reads of registers that the drive has never answered for.
 const SELDOM: Duration = Duration::from_secs(3600);
+/// The same for what shows the motor: without it nothing is known of the motor.
+const SOON: Duration = Duration::from_secs(10);
 
 /// Counts failed reads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -228,7 +230,7 @@ impl PollPlan {
         if !entry.vain.again(answers) {
             return None;
         }
-        entry.regular = now + SELDOM;
+        entry.regular = now + if entry.group.class == PollClass::Fast { SOON } else { SELDOM };
         entry.due = entry.regular;
         let is_new = entry.refused.replace(code).is_none();
         is_new.then_some(RefusedRegister { address: entry.group.address, code })

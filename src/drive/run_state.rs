@@ -59,12 +59,18 @@ impl OutputWatch {
         self.ramp = Some(Ramp { lowest, lowest_at, falls: true });
     }
 
-    /// Whether the motor turns in a way that a stop does not explain: the output has risen by more than `rise` above
-    /// its lowest reading, or has not fallen for `within`.
+    /// Whether the output has risen by more than `rise` above its lowest reading since a stop took effect: no stop does that.
     #[must_use]
-    pub fn has_left_its_ramp(&self, rise: u32, within: Duration) -> bool {
+    pub fn has_risen(&self, rise: u32) -> bool {
+        let (Some(ramp), Some((raw, _))) = (self.ramp, self.last) else { return false };
+        u32::from(raw) > u32::from(ramp.lowest).saturating_add(rise)
+    }
+
+    /// Whether the motor turns, and the output has not fallen for `within` since a stop took effect.
+    #[must_use]
+    pub fn has_settled(&self, within: Duration) -> bool {
         let (Some(ramp), Some((raw, at))) = (self.ramp, self.last) else { return false };
-        raw > 0 && (u32::from(raw) > u32::from(ramp.lowest).saturating_add(rise) || at.since(ramp.lowest_at) >= within)
+        raw > 0 && at.since(ramp.lowest_at) >= within
     }
 
     /// Whether the output has fallen with every reading since a stop took effect. A motor that has kept its speed for
@@ -185,24 +191,25 @@ mod tests {
     fn a_motor_leaves_the_ramp_of_a_stop_by_rising_or_by_not_falling() {
         let rise = 100;
         let within = Duration::from_secs(3);
-        for (readings, has_left) in [
-            (&[(0, 3000), (1, 2500), (2, 2000)][..], false),
-            (&[(0, 3000), (1, 2500), (2, 2600)], false),
-            (&[(0, 3000), (1, 2500), (2, 2601)], true),
-            (&[(0, 3000), (2, 3000)], false),
-            (&[(0, 3000), (3, 3000)], true),
-            (&[(0, 3000), (5, 2999), (7, 2999)], false),
-            (&[(0, 3000), (1, 0), (90, 0)], false),
+        for (readings, has_risen, has_settled) in [
+            (&[(0, 3000), (1, 2500), (2, 2000)][..], false, false),
+            (&[(0, 3000), (1, 2500), (2, 2600)], false, false),
+            (&[(0, 3000), (1, 2500), (2, 2601)], true, false),
+            (&[(0, 3000), (2, 3000)], false, false),
+            (&[(0, 3000), (3, 3000)], false, true),
+            (&[(0, 3000), (5, 2999), (7, 2999)], false, false),
+            (&[(0, 3000), (5, 1000), (8, 1000)], false, true),
+            (&[(0, 3000), (1, 0), (90, 0)], false, false),
         ] {
             let mut watch = OutputWatch::default();
             for (index, (second, raw)) in readings.iter().enumerate() {
                 watch.take(*raw, MonoTime::from_millis(second * 1000));
                 if index == 0 {
-                    assert!(!watch.has_left_its_ramp(rise, within), "no stop was given");
+                    assert!(!watch.has_risen(rise) && !watch.has_settled(within), "no stop was given");
                     watch.ramps_down(MonoTime::ZERO);
                 }
             }
-            assert_eq!(watch.has_left_its_ramp(rise, within), has_left, "{readings:?}");
+            assert_eq!((watch.has_risen(rise), watch.has_settled(within)), (has_risen, has_settled), "{readings:?}");
         }
     }
 

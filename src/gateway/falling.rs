@@ -35,9 +35,9 @@ impl FallWatch {
         self.zeros >= ZEROS_FOR_STANDSTILL
     }
 
-    /// Whether it falls, or is at zero.
-    pub fn is_falling(&self) -> bool {
-        let has_fallen = self.last < self.first;
-        self.last == Some(0) || (has_fallen && self.not_risen >= FALLS)
+    /// Whether it falls, by at least `least` steps so far, or is at zero. Less may be the noise of a steady speed.
+    pub fn is_falling(&self, least: u16) -> bool {
+        let (Some(first), Some(last)) = (self.first, self.last) else { return false };
+        self.is_at_zero() || (last > 0 && first.saturating_sub(last) >= least && self.not_risen >= FALLS)
     }
 }

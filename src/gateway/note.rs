@@ -61,7 +61,7 @@ pub enum Note {
     #[error("ALARM: a stop has no effect; repeating it")]
     NotEffective,
     /// A stop could not be sent in time.
-    #[error("ALARM: a stop could not be sent: the drive is out of reach; it is sent when that is over")]
+    #[error("ALARM: a stop could not be sent yet; it is sent as soon as the drive can be reached and the line allows it")]
     StopNotSent,
     /// The drive refuses every form of the stop.
     #[error("ALARM: the drive refuses to stop; it will not be started until a stop takes effect")]
@@ -168,8 +168,8 @@ pub enum Note {
     StopBetween,
     /// The line was to be handed over, and this gateway does not take it.
     #[error(
-        "the line is not taken over: the drive runs, and its direction was neither heard nor told; a stop and a new order \
-         through the active gateway make it known"
+        "the line is not taken over: the drive runs, and its direction of rotation is not known here; stop it and start it \
+         again through the active gateway, then hand over"
     )]
     HandOverRefused,
     /// Another gateway or master of the line sent the drive a stop.

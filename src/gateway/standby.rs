@@ -310,6 +310,10 @@ impl LineCore {
         self.lose_exchange(now);
         let waiting = self.schedule.clear();
         self.end_all(waiting, &NativeOutcome::Refused(Refusal::Standby));
+        if change == Change::Deaf {
+            // No other gateway was heard that might see them.
+            self.lose_sight();
+        }
         self.count_given_up(now);
         let note = match frame {
             Some(frame) => {

@@ -2,7 +2,8 @@
 //! drive shows its effect.
 //!
 //! A stop is effective once it was acknowledged in an exchange beyond doubt, and later readings show that the drive is no
-//! longer ordered to run, or an output frequency that is zero, or falling and twice not above the previous reading.
+//! longer ordered to run, or an output frequency that is zero, or falls by more than its noise and is twice not above the
+//! previous reading.
 
 mod overdue;
 mod refused;
@@ -70,6 +71,17 @@ pub struct StopLatch {
     silent_until: MonoTime,
     /// It was ordered before a restart of the gateway, and nothing was sent for it since.
     is_remembered: bool,
+    by_client: ByClient,
+}
+
+/// Whether a client has commanded a stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum ByClient {
+    No,
+    /// It has, and it was sent since.
+    Sent,
+    /// It has since it was last sent. A drive that is away may hear it.
+    Waits,
 }
 
 /// The state of the stop after an event.
@@ -91,6 +103,7 @@ impl StopLatch {
     pub fn new(order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Self {
         Self {
             order,
+            by_client: if waiter.is_some() { ByClient::Waits } else { ByClient::No },
             waiters: waiter.into_iter().collect(),
             awaited_since: now,
             accepted_at: now,
@@ -128,6 +141,12 @@ impl StopLatch {
         self.declared_at = Some(now);
     }
 
+    /// Whether it was only declared, and no client has commanded it.
+    #[must_use]
+    pub fn is_declared_alone(&self) -> bool {
+        self.declared_at.is_some() && self.by_client == ByClient::No
+    }
+
     /// When it was declared.
     #[must_use]
     pub const fn declared_at(&self) -> Option<MonoTime> {
@@ -147,9 +166,9 @@ impl StopLatch {
         let is_other = order != self.order;
         if is_other {
             let waiters = std::mem::take(&mut self.waiters);
-            let Self { awaited_since, was_told_late, was_told_unsent, offline_since, .. } = *self;
+            let Self { awaited_since, was_told_late, was_told_unsent, offline_since, by_client, .. } = *self;
             let fresh = Self::new(order, None, now);
-            *self = Self { waiters, awaited_since, was_told_late, was_told_unsent, offline_since, ..fresh };
+            *self = Self { waiters, awaited_since, was_told_late, was_told_unsent, offline_since, by_client, ..fresh };
         }
         if waiter.is_some() && now < self.silent_until {
             // A client stops it now: that takes precedence over waiting for the watchdog.
@@ -171,6 +190,7 @@ impl StopLatch {
         if self.is_acknowledged {
             out.tell(&mut waiter, Report::new(Outcome::Acknowledged, Reason::None), false);
         }
+        self.by_client = ByClient::Waits;
         if !waiter.is_done() {
             self.waiters.push(waiter);
         }
@@ -184,7 +204,8 @@ impl StopLatch {
     /// The frame to send, and the earliest moment.
     #[must_use]
     pub fn frame(&self) -> (MonoTime, Request) {
-        let at = if self.is_away() && !self.is_first() { MonoTime::NEVER } else { self.send_at.max(self.silent_until) };
+        let awaits_reading = self.is_away() && !self.is_first() && self.by_client != ByClient::Waits;
+        let at = if awaits_reading { MonoTime::NEVER } else { self.send_at.max(self.silent_until) };
         (at, self.order.request_in(self.form))
     }
 
@@ -200,11 +221,20 @@ impl StopLatch {
         (self.is_first() && !self.was_broadcast).then(|| self.frame().1)
     }
 
-    /// It was broadcast to all drives of the line. A broadcast is not answered, so its own frame still follows. Returns
-    /// when it was accepted.
-    pub const fn was_broadcast(&mut self) -> MonoTime {
+    /// It was broadcast to all drives of the line at `now`. A broadcast is not answered, so its own frame still follows.
+    /// Returns when it was accepted.
+    pub fn was_broadcast(&mut self, now: MonoTime) -> MonoTime {
+        self.goes_out(now);
         self.was_broadcast = true;
         self.accepted_at
+    }
+
+    /// If it was told that it could not be sent, an effect is expected from `now` on.
+    fn goes_out(&mut self, now: MonoTime) {
+        if self.is_unsent() && self.was_told_unsent {
+            self.awaited_since = now;
+            self.was_told_late = false;
+        }
     }
 
     /// Whether it is left to the drive's own watchdog at `now`.
@@ -233,16 +263,15 @@ impl StopLatch {
 
     /// Its frame is sent at `now`, and again as soon as the drive `hears_from`.
     pub fn was_sent(&mut self, now: MonoTime, hears_from: MonoTime) {
-        if self.is_unsent() && self.was_told_unsent {
-            // An effect is expected from now on.
-            self.awaited_since = now;
-            self.was_told_late = false;
-        }
+        self.goes_out(now);
         let doublings = self.sent.min(8);
         self.sent = self.sent.saturating_add(1);
         let repeat = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
         self.send_at = if now < hears_from { repeat.min(hears_from) } else { repeat };
         self.is_unanswered = false;
+        if self.by_client == ByClient::Waits {
+            self.by_client = ByClient::Sent;
+        }
         self.look_at = MonoTime::NEVER;
     }
 
@@ -275,12 +304,6 @@ impl StopLatch {
         self.send_at = now;
     }
 
-    /// Whether no client waits for it.
-    #[must_use]
-    pub const fn has_no_waiters(&self) -> bool {
-        self.waiters.is_empty()
-    }
-
     /// The frame had no valid reply: it is sent again, at once when the drive responds to anything.
     pub fn unanswered(&mut self, now: MonoTime) {
         self.look_at = now;
@@ -290,8 +313,8 @@ impl StopLatch {
     /// Takes a reading of the output frequency requested after the last frame. Returns whether the stop is effective.
     ///
     /// A drive that was away is read before it is stopped: at standstill the stop is settled, otherwise it is sent.
-    /// `runs`: its status shows it ordered to run.
-    pub fn takes_effect(&mut self, raw: u16, runs: bool, now: MonoTime) -> bool {
+    /// `runs`: its status shows it ordered to run. `least_fall`: the steps that are more than noise.
+    pub fn takes_effect(&mut self, raw: u16, runs: bool, least_fall: u16, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
         self.watch.take(raw);
         if self.is_away() {
@@ -303,7 +326,7 @@ impl StopLatch {
         }
         self.is_back(now);
         let rests = self.was_refused && self.watch.is_at_zero() && !runs;
-        rests || (self.is_acknowledged && self.watch.is_falling())
+        rests || (self.is_acknowledged && self.watch.is_falling(least_fall))
     }
 
     /// Takes a reading of the status: whether the drive is ordered to run. Returns whether the stop is effective.
@@ -366,18 +389,22 @@ mod tests {
         for (readings, effective) in [
             (&[5000, 5000, 5000, 5000][..], false),
             (&[5000, 4990, 4980], true),
-            (&[5000, 4990], false),
-            (&[5000, 5000, 4999], true),
+            (&[5000, 4980], false),
+            (&[5000, 5000, 4990], true),
+            (&[5000, 5000, 4991], false),
+            (&[5000, 4999, 4998, 4998, 4997, 5000, 4999, 4996, 4995], false),
             (&[4000, 4500, 4400], false),
             (&[4000, 4500, 4400, 4300], true),
-            (&[0], true),
+            (&[0], false),
+            (&[0, 0], true),
+            (&[5000, 0, 5000, 5000], false),
             (&[], false),
         ] {
             let mut watch = FallWatch::default();
             for raw in readings {
                 watch.take(*raw);
             }
-            assert_eq!(watch.is_falling(), effective, "{readings:?}");
+            assert_eq!(watch.is_falling(10), effective, "{readings:?}");
         }
     }
 }

@@ -130,6 +130,11 @@ impl DriveGuard {
         self.turned = Some(direction);
     }
 
+    /// Another gateway has ordered the drive to run in `direction`.
+    pub const fn turned_by_another(&mut self, direction: Direction) {
+        self.turned = Some(direction);
+    }
+
     /// The direction of the last order to run, in force or not.
     #[must_use]
     pub const fn last_direction(&self) -> Option<Direction> {

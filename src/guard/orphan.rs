@@ -85,7 +85,6 @@ impl DriveGuard {
     /// time begins here.
     pub fn found_running(&mut self, direction: Option<Direction>, now: MonoTime) {
         if !matches!(self.intent, RunIntent::Run(_)) {
-            // Whoever ordered that.
             self.turned = direction.or(self.turned);
         }
         let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };

@@ -245,6 +245,17 @@ impl DriveGuard {
         self.stop_took_effect = true;
     }
 
+    /// The stop that is in force has not taken effect after all: its order, to be sent again.
+    pub fn stop_again(&mut self) -> Option<StopOrder> {
+        let coast = match self.intent {
+            RunIntent::Stop => false,
+            RunIntent::Coast => true,
+            RunIntent::Run(_) => return None,
+        };
+        self.stop_took_effect = false;
+        self.stop_order(coast)
+    }
+
     /// The drive is at standstill after a stop by the owner of control: there is nothing left to hold.
     pub fn at_standstill(&mut self) {
         if matches!(self.intent, RunIntent::Run(_)) {
@@ -315,7 +326,13 @@ impl DriveGuard {
         }
     }
 
+    /// The direction of a motor of which none is known: the only one that is allowed, or forward.
+    fn likely_direction(&self) -> Option<Direction> {
+        let directions = &self.control.as_ref()?.directions;
+        Some(if directions.contains(&Direction::Forward) { Direction::Forward } else { Direction::Reverse })
+    }
+
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {
-        StopOrder::of(&self.model, coast, self.turned)
+        StopOrder::of(&self.model, coast, self.turned.or(self.likely_direction()))
     }
 }

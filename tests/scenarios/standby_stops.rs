@@ -5,6 +5,7 @@ use crate::support::{MQTT, RigOptions, STOP, control, plc, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::control::ControlSettings;
+use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::Input;
@@ -102,4 +103,46 @@ fn a_lost_commander_stops_the_drive_while_a_foreign_master_is_heard() {
     foreign(&mut pair, SECOND, true);
     foreign(&mut pair, SECOND * 5, false);
     assert!(pair.output(1) < 3000);
+}
+
+#[test]
+fn a_client_that_joins_a_declared_stop_waits_for_no_signal() {
+    let mut pair = running(MS(20));
+    pair.unplug(0);
+    pair.pass(SECOND * 8);
+    assert_eq!(pair.role(1), LineRole::Active);
+    pair.command(1, plc(1), 0, STOP);
+    pair.pass(SECOND);
+    pair.command(1, plc(1), 0, run(Direction::Forward, Some(3000)));
+    pair.pass(SECOND);
+    pair.open(0);
+    // The lease of the half that has been away ends, and what it declares may be older than the present order.
+    pair.pass(SECOND * 6);
+    let begin = pair.now;
+    assert!(pair.view(0, 0).control.unwrap().stop_pending, "{:?}", pair.view(0, 0).control);
+    pair.command(0, plc(2), 0, STOP);
+    let took = pair.until(SECOND * 3, |pair| writes(pair, 0, begin) > 0);
+    assert!(took.is_some_and(|took| took <= MS(1500)), "{took:?}");
+}
+
+#[test]
+fn what_a_half_saw_last_is_kept_when_its_port_is_lost() {
+    for is_ours in [true, false] {
+        let mut pair = running(MS(20));
+        pair.kill(1);
+        if !is_ours {
+            // It is stopped here, and runs by its panel.
+            pair.command(0, MQTT, 0, STOP);
+            pair.pass(SECOND * 40);
+            let now = pair.now;
+            pair.bus.drive_mut(Station(1)).unwrap().operate(now, Some(Direction::Forward));
+            pair.pass(SECOND * 20);
+        }
+        assert!(pair.output(1) > 0);
+        pair.unplug(0);
+        pair.pass(MS(10));
+        let sight = pair.view(0, 0).sight;
+        assert!(sight.may_still_run, "{is_ours}: {sight:?}");
+        assert!(sight.last_seen.is_some_and(|seen| seen.output.is_some()), "{is_ours}: {sight:?}");
+    }
 }

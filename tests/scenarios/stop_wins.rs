@@ -1,16 +1,18 @@
 //! STOP overtakes everything, waits for at most the exchange on the wire, and stays in force until it is effective.
 
-use crate::support::families::{accepting, listing, models, quiet, register};
-use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, model, plc, run, setpoint};
+use crate::support::families::{accepting, listing, models, quiet, register, rig_of};
+use crate::support::{MQTT, ORIGIN, PROOF, Rig, RigOptions, STOP, model, plc, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
+use vfd_gateway::domain::address::Address;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::NativeAsk;
 use vfd_gateway::domain::report::LineFault;
+use vfd_gateway::drive::view::RunState;
 use vfd_gateway::gateway::{Input, Note};
-use vfd_gateway::profile::model::Model;
+use vfd_gateway::profile::model::{Flag, Model, Role};
 use vfd_gateway::sim::{FaultPlan, RefusedStops};
 
 const RUN: u16 = 0x0002;
@@ -484,4 +486,80 @@ fn a_register_that_was_being_written_when_a_stop_came_is_unknown_and_not_refused
     }
     rig.command(plc(1), 0, STOP);
     assert_eq!(rig.outcome_of(write), (Outcome::Unknown, Reason::Stopped));
+}
+
+/// What the drive shows of its state and its output stays as it is.
+fn freeze(rig: &mut Rig, model: &Model) -> (Address, u16) {
+    let output = model.register_for(Role::OutputFrequency).expect("it shows its output").address;
+    let status = model.status_flag(Flag::Running).map(|flag| flag.address);
+    let held = |rig: &mut Rig, at| rig.view(0).snapshot.reading(at).expect("it was read").raw;
+    for address in status.into_iter().chain([output]) {
+        let word = held(rig, address);
+        rig.bus.drive_mut(Station(1)).unwrap().shows_at(address, word);
+    }
+    (output, held(rig, output))
+}
+
+#[test]
+fn the_noise_of_a_steady_speed_is_no_effect_of_a_stop() {
+    for model in models() {
+        let mut rig = rig_of(&model, accepting());
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+        rig.live(Duration::from_secs(12));
+        let (output, speed) = freeze(&mut rig, &model);
+        rig.sent.clear();
+        let ticket = rig.command(MQTT, 0, STOP);
+        for below in [0, 1, 1, 1].into_iter().cycle().take(200) {
+            rig.bus.drive_mut(Station(1)).unwrap().shows_at(output, speed - below);
+            rig.pass(Duration::from_millis(40));
+        }
+        let told = rig.told(ticket);
+        assert!(!told.iter().any(|(outcome, ..)| *outcome == Outcome::Confirmed), "{}: {told:?}", model.id);
+        assert!(rig.view(0).control.unwrap().not_effective, "{}", model.id);
+        assert!(rig.writes().len() >= 3, "{}: it is repeated", model.id);
+    }
+}
+
+#[test]
+fn a_motor_that_goes_on_behind_a_stop_that_seemed_to_take_effect_is_stopped_again() {
+    for model in models() {
+        let mut rig = rig_of(&model, accepting());
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+        rig.live(Duration::from_secs(12));
+        let (output, speed) = freeze(&mut rig, &model);
+        // It ramps to a setpoint of 10 Hz, which was given before.
+        let fall = speed / 3 * 2;
+        rig.sent.clear();
+        let ticket = rig.command(MQTT, 0, STOP);
+        for below in [0, fall / 2].into_iter().chain([fall; 8]) {
+            rig.bus.drive_mut(Station(1)).unwrap().shows_at(output, speed - below);
+            rig.pass(Duration::from_millis(100));
+        }
+        assert_eq!(rig.told(ticket).last().unwrap().0, Outcome::Confirmed, "{}", model.id);
+        let before = rig.writes().len();
+        rig.pass(Duration::from_secs(10));
+        assert!(rig.writes().len() > before, "{}", model.id);
+        let control = rig.view(0).control.unwrap();
+        assert!(control.stop_pending && control.not_effective, "{}: {control:?}", model.id);
+        rig.bus.drive_mut(Station(1)).unwrap().shows_the_truth();
+        rig.pass(Duration::from_secs(20));
+        assert!(!rig.view(0).control.unwrap().stop_pending, "{}", model.id);
+    }
+}
+
+#[test]
+fn each_stop_of_a_client_goes_out_to_a_drive_that_hears_and_is_not_heard() {
+    let mut rig = running();
+    rig.bus.set_faults("lost=1000".parse().unwrap());
+    rig.pass(Duration::from_secs(60));
+    assert_eq!(rig.view(0).run_state, RunState::Offline);
+    for by in [MQTT, ORIGIN, MQTT] {
+        rig.sent.clear();
+        rig.command(by, 0, STOP);
+        rig.pass(Duration::from_secs(5));
+        assert!(!rig.writes().is_empty(), "{by:?}");
+        rig.pass(Duration::from_secs(10));
+        let frames = rig.writes().len();
+        assert!(frames <= 3, "a dead drive costs the others little: {frames}");
+    }
 }

@@ -11,7 +11,7 @@ configuration, `vfd-gateway qualify DRIVE` tries the words with the motor in fro
 
 /// The rows of `facts`: orders, flags, and registers that the gateway uses.
 pub fn of(facts: &Facts) -> String {
-    let mut text = format!("\n{} ({} {}), only these are asked about:\n", facts.id, facts.vendor, facts.title);
+    let mut text = format!("\n{} ({} {}). What the file says:\n", facts.id, facts.vendor, facts.title);
     let mut row = |what: &str, value: &str, evidence: &Evidence| {
         let _ = writeln!(text, "  {what:<28} {value:<8} {:<11} {}", evidence.grade(), evidence.source());
     };

@@ -151,7 +151,7 @@ impl Store {
         Ok(aside)
     }
 
-    /// Looks whether the files of the open database are still those at its path. A process does not notice when somebody
+    /// Replaces the database if the files at its path are no longer those that are open. A process does not notice when somebody
     /// deletes or replaces what it has open, and would go on writing into a file without a name.
     pub fn look(&mut self) {
         let files = self.files.as_mut().filter(|_| self.database.is_some());

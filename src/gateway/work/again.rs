@@ -70,13 +70,6 @@ impl DriveWork {
         output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
     }
 
-    /// Whether the motor turns in a way that the ramp of our own stop does not explain.
-    pub(super) fn has_left_its_ramp(&self) -> bool {
-        let (Some(output), Some(control)) = (&self.output_register, self.guard.control()) else { return false };
-        let hertz = output.steps_per_hertz(self.guard.bases());
-        self.status.is_running() != Some(false) && self.output.has_left_its_ramp(hertz, control.stop_effect_timeout)
-    }
-
     /// Whether the motor runs without an order from this gateway.
     pub(super) fn runs_by_others(&self) -> bool {
         let is_ordered = matches!(self.guard.intent(), RunIntent::Run(_));

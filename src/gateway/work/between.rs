@@ -14,10 +14,10 @@ use std::time::Duration;
 const READ_AT_LEAST: Duration = Duration::from_secs(1);
 
 impl DriveWork {
-    /// Whether the stop that waits was declared, and no client waits for it.
+    /// Whether the stop that waits was declared, and no client has commanded it too.
     #[must_use]
     pub fn is_stop_declared(&self) -> bool {
-        self.latch.as_ref().is_some_and(|latch| latch.declared_at().is_some())
+        self.latch.as_ref().is_some_and(StopLatch::is_declared_alone)
     }
 
     /// Another gateway or master has read the drive at `now`.
@@ -61,7 +61,7 @@ impl DriveWork {
     pub fn left_to_another(&mut self, is_informed: bool, out: Out<'_>) {
         self.has_changed |= self.guard.is_held();
         self.guard.give_up();
-        if !is_informed && self.is_stop_declared() && self.latch.as_ref().is_some_and(StopLatch::has_no_waiters) {
+        if !is_informed && self.is_stop_declared() {
             self.drop_stop(Report::new(Outcome::Unknown, Reason::Standby), out);
         }
     }

@@ -87,7 +87,7 @@ impl DriveWork {
             Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, now, out),
             Rank::Step | Rank::Start => {}
             Rank::Look => {
-                let was_answered = matches!(ending, Ending::Reply(_));
+                let was_answered = matches!(ending, Ending::Reply(_) | Ending::Exception(_));
                 match &mut self.latch {
                     Some(latch) if was_answered => latch.was_looked_at(now),
                     Some(latch) => latch.look_failed(now),
@@ -126,7 +126,8 @@ impl DriveWork {
         self.fail_safe_came(sent, out);
         let latch = self.latch.as_mut()?;
         let is_first = latch.unsent().is_some();
-        Some(latch.was_broadcast()).filter(|_| is_first)
+        let accepted_at = latch.was_broadcast(out.now());
+        is_first.then_some(accepted_at)
     }
 
     fn is_latched(&self, request: &Request) -> bool {

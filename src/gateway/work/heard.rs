@@ -30,7 +30,8 @@ impl DriveWork {
         };
         self.heard = heard;
         self.has_changed = true;
-        if matches!(heard, HeardOrder::Run(..)) {
+        if let HeardOrder::Run(direction, _) = heard {
+            self.guard.turned_by_another(direction);
             // Newer than a stop answered from memory.
             self.answered = None;
         }

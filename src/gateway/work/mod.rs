@@ -310,11 +310,15 @@ impl DriveWork {
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
-    /// The connection of a client is open.
-    pub fn path_alive(&mut self, way: Owner, now: MonoTime) {
+    /// The connection of a client is open. That renews nothing unless the drive `is_reached`, as an order would not.
+    pub fn path_alive(&mut self, way: Owner, is_reached: bool, now: MonoTime) {
         let holder = self.guard.lease().map(|(owner, _)| owner);
         if let Some(holder) = holder.filter(|holder| holder.comes_by(way)) {
-            self.guard.path_alive(holder, now);
+            if is_reached {
+                self.guard.path_alive(holder, now);
+            } else {
+                self.guard.was_out_of_reach(holder, now);
+            }
             self.has_changed = true;
         }
     }

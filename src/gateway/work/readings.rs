@@ -12,6 +12,10 @@ use crate::gateway::note::Note;
 use crate::journal::Entry;
 use crate::profile::model::Flag;
 
+/// The noise of a steady speed is less than this part of a hertz, or one step.
+const NOISE_PER_HERTZ: u32 = 10;
+const LEAST_FALL: u16 = 2;
+
 /// The origin of words.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading {
@@ -89,6 +93,11 @@ impl DriveWork {
         self.output_register.as_ref()?.frequency(self.output.raw()?, self.guard.bases())
     }
 
+    /// The steps of the output in a hertz.
+    pub(super) fn steps_per_hertz(&self) -> u32 {
+        self.output_register.as_ref().map_or(1, |register| register.steps_per_hertz(self.guard.bases()))
+    }
+
     /// The register of the output frequency, if `words` show more there than the drive can do: such a reading proves
     /// nothing.
     pub fn impossible_output(&self, address: Address, words: &[u16]) -> Option<Address> {
@@ -108,13 +117,29 @@ impl DriveWork {
     pub(super) fn take_output(&mut self, raw: u16, read_at: MonoTime, now: MonoTime, out: Out<'_>) {
         self.output.take(raw, read_at);
         let runs = self.status.is_running() == Some(true);
-        if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, now)) {
+        let least_fall = u16::try_from(self.steps_per_hertz() / NOISE_PER_HERTZ).unwrap_or(u16::MAX).max(LEAST_FALL);
+        if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, least_fall, now)) {
             self.effective(out);
         }
-        self.is_stopping &= self.latch.is_some() || !self.has_left_its_ramp();
+        self.held_against_its_stop(now, out);
         if self.output.is_active() {
             let event = self.trips.output_is_active(now);
             self.trip(event, out);
+        }
+    }
+
+    /// The motor turns behind a stop that took effect. Where it becomes faster, it was started from elsewhere. Where it keeps a
+    /// speed, it may never have obeyed, and only ramped to its setpoint: the stop is sent again.
+    fn held_against_its_stop(&mut self, now: MonoTime, out: Out<'_>) {
+        if !self.is_stopping || self.latch.is_some() || self.status.is_running() == Some(false) {
+            return;
+        }
+        let Some(control) = self.guard.control() else { return };
+        if self.output.has_risen(self.steps_per_hertz()) {
+            self.is_stopping = false;
+        } else if self.output.has_settled(control.stop_effect_timeout) {
+            let Some(order) = self.guard.stop_again() else { return };
+            self.stop(order, None, now, out);
         }
     }
 

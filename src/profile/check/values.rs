@@ -164,7 +164,7 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
     let is_configured = scale.of.as_ref().is_some_and(|of| of.value == CONFIGURED);
     if let Some(parameter) = scale.parameter.valid().filter(|_| !is_configured && scale.of.is_some()) {
         let right = "leave it out, or `of = \"configured\"`";
-        tell(&parameter.location, "the drive shows the whole: nobody types it", right, problems);
+        tell(&parameter.location, "a register of the drive holds the full scale, so it is not entered by hand", right, problems);
     }
     let unit = register.unit.as_ref().map(|unit| unit.value);
     let from = scale.from.valid();
@@ -430,7 +430,7 @@ mod tests {
             (
                 "full_scale = { steps = 16384, of = \"maximum\", parameter = \"1-01\" }",
                 "full_scale.of: there is no register called `maximum` -> the `name` of a register\n\
-                 full_scale.parameter: the drive shows the whole: nobody types it -> leave it out, or `of = \"configured\"`",
+                 full_scale.parameter: a register of the drive holds the full scale, so it is not entered by hand -> leave it out, or `of = \"configured\"`",
             ),
             (
                 "scale = 10\nfull_scale = { steps = 16384, of = \"configured\" }",

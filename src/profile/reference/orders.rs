@@ -30,7 +30,7 @@ pub(super) const ORDERS: &[Section] = &[
                 "stop.drop",
                 "none",
                 "With `form = \"bits\"`: bits, as the direction, that the stop changes although they do not run the motor, because \
-                 the documents show that word. It says only that this is meant.",
+                 the documents show that word. The key has no effect on what is sent.",
             ),
             ("forward.value", "", "The word."),
             ("forward.register", RUN_REGISTER, OWN_REGISTER),
