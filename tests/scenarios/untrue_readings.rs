@@ -85,16 +85,52 @@ fn an_energy_counter_that_falls_for_a_moment_adds_nothing() {
     let model = model("invertek-optidrive-e3");
     let energy = model.register_for(Role::Energy).unwrap().address;
     let mut rig = rig_of(&model, accepting());
-    drive(&mut rig).shows_at(energy, 1);
-    rig.live(SECOND * 30);
+    // The part below a step: no block of zeros.
+    drive(&mut rig).shows_at(energy.checked_add(1).unwrap(), 5);
+    let is_read = |rig: &mut Rig, steps: u16| {
+        drive(rig).shows_at(energy, steps);
+        let shown = |rig: &Rig| rig.view(0).snapshot.reading(energy).map(|reading| reading.raw);
+        // It is read once a minute.
+        for _ in 0..65 {
+            if shown(rig) == Some(steps) {
+                break;
+            }
+            rig.live(SECOND);
+        }
+        assert_eq!(shown(rig), Some(steps));
+    };
+    is_read(&mut rig, 1);
     let before = rig.view(0).usage.totals.energy_mj;
     for _ in 0..5 {
-        drive(&mut rig).shows_at(energy, 0);
-        rig.live(SECOND * 5);
-        drive(&mut rig).shows_at(energy, 1);
-        rig.live(SECOND * 5);
+        is_read(&mut rig, 0);
+        is_read(&mut rig, 1);
     }
     assert_eq!(rig.view(0).usage.totals.energy_mj, before);
+}
+
+#[test]
+fn a_block_of_zeros_is_believed_only_when_it_was_read_again_a_second_later() {
+    let model = model("frecon-fr500a");
+    let link = model.register_for(Role::DcLinkVoltage).unwrap().address;
+    let mut rig = rig_of(&model, accepting());
+    rig.live(SECOND * 5);
+    let shown = |rig: &Rig| rig.view(0).snapshot.reading(link).map(|reading| reading.raw);
+    let before = shown(&rig);
+    assert!(before.is_some_and(|volts| volts > 0), "{before:?}");
+    for _ in 0..5 {
+        let reads = rig.sent.len();
+        drive(&mut rig).shows_everywhere(0);
+        for _ in 0..9 {
+            rig.live(SECOND / 10);
+            assert_eq!(shown(&rig), before, "after one read");
+        }
+        assert!(rig.sent.len() > reads);
+        drive(&mut rig).shows_the_truth();
+        rig.live(SECOND * 5 + SECOND / 7);
+    }
+    drive(&mut rig).shows_everywhere(0);
+    rig.live(SECOND * 5);
+    assert_eq!(shown(&rig), Some(0), "it has lost its supply");
 }
 
 #[test]
