@@ -7,7 +7,7 @@ use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost, StandbyTrouble};
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::{Input, Note};
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -47,6 +47,26 @@ fn a_line_is_handed_over_without_a_stop_to_a_listener_that_was_started_after_the
             assert!(pair.sent.iter().filter(writes).count() <= 1, "{id} {direction:?}: no order was sent");
         }
     }
+}
+
+/// Their files differ: the active one only reads the drive, and cannot tell by which order it runs.
+#[test]
+fn a_line_is_not_handed_over_to_a_listener_that_would_stop_a_drive_that_runs() {
+    let mut pair = Pair::new(2, &options("hyundai-n700"));
+    pair.halves[0].setup.drives[0].control = None;
+    (0..2).for_each(|half| pair.start(half));
+    pair.pass(SECOND * 12);
+    let now = pair.now;
+    let drive = pair.bus.drive_mut(Station(1)).unwrap();
+    drive.set_frequency(now, 30);
+    drive.operate(now, Some(Direction::Forward));
+    pair.pass(SECOND * 12);
+    assert_eq!(pair.output(1), 3000);
+    pair.tell(0, Input::Yield);
+    pair.pass(SECOND * 10);
+    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
+    let told = pair.halves[1].notes.iter().filter(|(_, note)| *note == Note::HandOverRefused);
+    assert_eq!((told.count(), pair.output(1)), (1, 3000));
 }
 
 #[test]
