@@ -284,6 +284,7 @@ impl Watch {
                 Effect::Transmit(frame) => {
                     frames += 1;
                     self.sent(frame);
+                    self.core.transmitted(self.now);
                 }
                 Effect::Answer(answer) => {
                     let of = (answer.ticket, answer.asker);

@@ -10,8 +10,10 @@ use std::time::Duration;
 const FALL_HOLDS: Duration = Duration::from_secs(10);
 /// A counter that is back at its former value within this time was never lower.
 const FALL_IS_RECENT: Duration = Duration::from_secs(60);
-/// What is doubted is read again after at least this time.
+/// What is doubted is read again after this time.
 pub const READ_AGAIN_AFTER: Duration = Duration::from_secs(1);
+/// What was not read again within this time is doubted as for the first time.
+const DOUBT_LASTS: Duration = Duration::from_secs(60);
 /// Most blocks that are doubted at once: more than a plan has of those that matter.
 const BLOCKS_MAX: usize = 64;
 
@@ -83,8 +85,32 @@ impl FallWatch {
 /// Watches for blocks that read as zeros or as ones where there were values.
 #[derive(Clone, Debug, Default)]
 pub struct BlankWatch {
-    /// First register, the word, and when it was first read.
-    doubted: Vec<(Address, u16, MonoTime)>,
+    doubted: Vec<Doubted>,
+}
+
+/// A block that is doubted.
+#[derive(Clone, Copy, Debug)]
+struct Doubted {
+    first: Address,
+    count: usize,
+    /// What each of its registers read.
+    word: u16,
+    /// When that was first read.
+    since: MonoTime,
+}
+
+impl Doubted {
+    /// Whether all registers of a read of `count` words from `address` on lie in it.
+    fn holds(&self, address: Address, count: usize) -> bool {
+        let offset = address.offset_from(self.first).map(usize::from);
+        offset.is_some_and(|offset| offset + count <= self.count)
+    }
+
+    /// Whether the read of `words` from `address` on shows another word in it.
+    fn is_disproved(&self, address: Address, words: &[u16]) -> bool {
+        let here = self.first.onwards().take(self.count);
+        here.filter_map(|it| it.word_in(address, words)).any(|word| word != self.word)
+    }
 }
 
 impl BlankWatch {
@@ -105,15 +131,17 @@ impl BlankWatch {
                 is_other && (blank != 0 || is_never_zero(model, it))
             })
         };
+        let is_over = |it: &Doubted| at.since(it.since) >= DOUBT_LASTS || it.is_disproved(address, words);
+        self.doubted.retain(|it| !is_over(it));
         let Some(blank) = blank.filter(|blank| had_values(*blank)) else {
-            self.doubted.retain(|(of, ..)| *of != address);
+            self.doubted.retain(|it| it.first != address);
             return false;
         };
-        match self.doubted.iter().find(|(of, word, _)| *of == address && *word == blank) {
-            Some((.., since)) => at.since(*since) < READ_AGAIN_AFTER,
+        match self.doubted.iter().find(|it| it.word == blank && it.holds(address, words.len())) {
+            Some(known) => at.since(known.since) < READ_AGAIN_AFTER,
             None if self.doubted.len() >= BLOCKS_MAX => false,
             None => {
-                self.doubted.push((address, blank, at));
+                self.doubted.push(Doubted { first: address, count: words.len(), word: blank, since: at });
                 true
             }
         }
@@ -203,6 +231,13 @@ mod tests {
             assert!(!doubts(count, &[5, 0], 2400));
         }
         assert!(!doubts(output, &[0, 0], 3000), "a motor at standstill");
+        // Polls are joined with their neighbours: the good one begins elsewhere.
+        assert!(doubts(count, &[0; 2], 4000));
+        let before = Address::holding(count.number() - 1);
+        assert!(!doubts(before, &[7, 5, 0], 4100));
+        assert!(doubts(count, &[0; 2], 6000), "the next time it begins again");
+        // Nothing was read since.
+        assert!(doubts(count, &[0; 2], 3_606_000), "what was doubted an hour ago");
         assert!(doubts(output, &[u16::MAX; 2], 3000));
     }
 }

@@ -272,10 +272,10 @@ impl PollPlan {
         self.ask_refused(now);
     }
 
-    /// The register at `address` is due at once.
-    pub fn ask_for(&mut self, address: Address, now: MonoTime) {
+    /// The register at `address` is due at `moment`, if not earlier.
+    pub fn ask_for(&mut self, address: Address, moment: MonoTime) {
         for entry in self.entries.iter_mut().filter(|entry| covers(entry.group, address)) {
-            entry.due = entry.due.min(now);
+            entry.due = entry.due.min(moment);
         }
     }
 

@@ -33,6 +33,16 @@ impl LineCore {
         }
     }
 
+    /// A departing client's reads and commands that have not begun are dropped. A stop stays, and so does what is on the wire.
+    pub(super) fn on_asker_gone(&mut self, asker: AskerId) {
+        self.natives.forget(asker);
+        self.schedule.forget(asker);
+        self.drop_unwanted();
+        for work in self.drives.works_mut() {
+            self.counters.withdrawn += work.withdraw(asker, &mut self.effects);
+        }
+    }
+
     /// A client gives a command.
     pub(super) fn on_command(&mut self, now: MonoTime, command: &CommandRequest) {
         let CommandRequest { asker, ticket, drive, .. } = *command;

@@ -33,11 +33,6 @@ impl LineCore {
     pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
         let Some((station, request)) = self.common_stop(now) else { return false };
         self.measured.sent(now.since(self.wire.may_send_from()));
-        for work in self.drives.works_mut() {
-            if let Some(accepted) = work.stop_was_broadcast(&mut self.effects) {
-                self.measured.stop_sent(accepted, now);
-            }
-        }
         let mut frame = Vec::with_capacity(16);
         self.wire.broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
         let end = now + self.timing.on_wire(frame.len());
@@ -46,6 +41,7 @@ impl LineCore {
         }
         self.counters.requests += 1;
         self.counters.broadcasts += 1;
+        self.stops_all = true;
         self.transmit(now, frame, Why::Stop);
         true
     }

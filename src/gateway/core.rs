@@ -10,7 +10,7 @@ use super::outbox::Outbox;
 use super::setup::LineSetup;
 use super::share::Share;
 use super::work::{DriveWork, Rank};
-use crate::domain::ids::{AskerId, DriveIndex};
+use crate::domain::ids::DriveIndex;
 use crate::domain::link::EchoPolicy;
 use crate::domain::native::NativeAnswer;
 use crate::domain::report::{LineCounters, LineFault, LineState, StopBounds};
@@ -58,6 +58,10 @@ pub struct LineCore {
     pub(super) state: LineState,
     /// Whether there is a port to send to, whatever the reported state of the line.
     pub(super) is_open: bool,
+    /// The server has closed the connection: another one is made when a frame is due.
+    pub(super) is_parked: bool,
+    /// The frame that is handed to the port is the stop of all drives.
+    pub(super) stops_all: bool,
     pub(super) wire: Wire,
     pub(super) nonces: Nonces,
     pub(super) echo: EchoWatch,
@@ -165,6 +169,8 @@ impl LineCore {
             open_error: None,
             state: LineState::Down,
             is_open: false,
+            is_parked: false,
+            stops_all: false,
             wire: setup.wire(now),
             nonces: Nonces::new(setup.first_epoch),
             echo: EchoWatch::new(!setup.timing.framing.identifies_replies()),
@@ -195,6 +201,8 @@ impl LineCore {
             Input::PortUp(kind) => self.on_port_up(now, kind),
             Input::PortRefused(reason) => self.open_error = Some(reason),
             Input::PortDown(fault) => self.on_port_down(now, fault),
+            Input::ConnectionClosed => self.on_connection_closed(now),
+            Input::ConnectionBack => self.is_parked = false,
             Input::Native(request) => self.on_native(now, request),
             Input::AskerGone(asker) => self.on_asker_gone(asker),
             Input::Command(command) => self.on_command(now, &command),
@@ -248,15 +256,15 @@ impl LineCore {
     #[must_use]
     pub fn next_wake(&self) -> Option<Wake> {
         let deadline = self.natives.next_deadline().map(|at| Wake { at, reason: WakeReason::RequestDeadline });
-        let lease = self.drives.works().filter_map(DriveWork::next_wake).min();
-        let lease = lease.map(|at| Wake { at, reason: WakeReason::ControlDue });
+        let control = self.drives.works().filter_map(DriveWork::next_wake).min();
+        let control = control.map(|at| Wake { at, reason: WakeReason::ControlDue });
         let wire = self.wire.wake_at().map(|at| {
             let reason = if self.wire.is_busy() { WakeReason::ReplyDue } else { WakeReason::FrameEnd };
             Wake { at, reason }
         });
         let overdue = self.overdue_at().map(|at| Wake { at, reason: WakeReason::ReplyDue });
         let work = if self.wire.is_busy() { None } else { self.work_wake() };
-        [deadline, lease, wire, overdue, work, self.health_wake(), self.share_wake()]
+        [deadline, control, wire, overdue, work, self.health_wake(), self.share_wake()]
             .into_iter()
             .flatten()
             .min_by_key(|wake| wake.at)
@@ -332,16 +340,6 @@ impl LineCore {
     #[must_use]
     pub fn snapshot(&self, index: DriveIndex) -> Option<&DriveSnapshot> {
         self.drives.get(index).map(|drive| &drive.snapshot)
-    }
-
-    /// A departing client's reads and commands that have not begun are dropped. A stop stays, and so does what is on the wire.
-    fn on_asker_gone(&mut self, asker: AskerId) {
-        self.natives.forget(asker);
-        self.schedule.forget(asker);
-        self.drop_unwanted();
-        for work in self.drives.works_mut() {
-            self.counters.withdrawn += work.withdraw(asker, &mut self.effects);
-        }
     }
 
     fn on_time(&mut self, now: MonoTime) {

@@ -37,9 +37,10 @@ impl LineCore {
     /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line only stops
     /// are sent, over the babble.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        if !self.is_open || self.wire.is_busy() || now < self.free_from() {
+        if !self.is_open || self.is_parked || self.wire.is_busy() || now < self.free_from() {
             return;
         }
+        self.stops_all = false;
         if self.answer_question(now) {
             return;
         }
@@ -100,6 +101,21 @@ impl LineCore {
         });
         self.counters.requests += 1;
         self.transmit(now, frame, why);
+    }
+
+    /// The frame that was decided on last was handed to the port, which took until `now`: only now is a stop sent.
+    pub(super) fn stop_was_transmitted(&mut self, now: MonoTime) {
+        if std::mem::take(&mut self.stops_all) {
+            for work in self.drives.works_mut() {
+                if let Some(accepted) = work.stop_was_broadcast(&mut self.effects) {
+                    self.measured.stop_sent(accepted, now);
+                }
+            }
+        } else if let Some(Flight { drive, purpose: Purpose::Work(rank), .. }) = &self.flight
+            && is_stop(*rank)
+        {
+            self.drives[*drive].work.stop_was_transmitted(now, &mut self.effects);
+        }
     }
 
     fn pick(&mut self, now: MonoTime) -> Option<Picked> {
@@ -234,6 +250,11 @@ impl LineCore {
 
     /// When the next frame could be sent, if anything waits or will be due.
     pub(super) fn work_wake(&self) -> Option<Wake> {
+        if self.is_parked { None } else { self.frame_wake() }
+    }
+
+    /// When the next frame could be sent over a connection.
+    pub(super) fn frame_wake(&self) -> Option<Wake> {
         if !self.is_open {
             return None;
         }

@@ -24,6 +24,10 @@ pub enum Input<'a> {
     PortRefused(Arc<str>),
     /// The port was lost.
     PortDown(LineFault),
+    /// The server at the other end has closed the connection, which is no loss: until there is another one, nothing is sent.
+    ConnectionClosed,
+    /// There is another connection.
+    ConnectionBack,
     /// A client reads or writes registers by address.
     Native(NativeRequest),
     /// A client gives a command.
@@ -59,7 +63,8 @@ pub enum Input<'a> {
 /// An action for the caller to execute.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
-    /// Write these bytes to the port, at once and in one piece.
+    /// Write these bytes to the port, at once and in one piece, if [`may_transmit`](super::LineCore::may_transmit) still allows
+    /// that, and say with [`transmitted`](super::LineCore::transmitted) that it is done.
     Transmit(Vec<u8>),
     /// Close the port and open it again after the usual wait, for this reason.
     Reopen(LineFault),

@@ -18,6 +18,7 @@ impl LineCore {
         self.health.trouble = self.health.is_mute.then_some(LineFault::Mute);
         self.state = if self.health.is_mute { LineState::Down } else { LineState::Up };
         self.is_open = true;
+        self.is_parked = false;
         self.open_error = None;
         self.counters.port_ups += 1;
         self.wire.port_opened(now, kind);
@@ -53,6 +54,32 @@ impl LineCore {
     /// No drive of the line can be seen any more.
     pub(super) fn lose_sight(&mut self) {
         self.drives.works_mut().for_each(|work| work.lose_sight(&mut self.effects));
+    }
+
+    /// What is on the wire is not answered any more: that ends as a time-out does.
+    pub(super) fn on_connection_closed(&mut self, now: MonoTime) {
+        if !self.is_open {
+            return;
+        }
+        self.is_parked = true;
+        let ended = self.wire.cut_short();
+        let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
+        // The beginning of a message does not continue on the next connection.
+        self.wire.abandon(now);
+        self.conclude(now, done);
+    }
+
+    /// When another connection is needed: the server has closed the last one, and a frame is due.
+    #[must_use]
+    pub fn connects_at(&self) -> Option<MonoTime> {
+        let wake = if self.is_parked { self.frame_wake() } else { None };
+        wake.map(|wake| wake.at)
+    }
+
+    /// Whether a reply is waited for.
+    #[must_use]
+    pub const fn awaits_reply(&self) -> bool {
+        self.wire.is_busy()
     }
 
     /// What is on the wire is lost; its reply may still arrive, later.

@@ -76,6 +76,7 @@ impl LineCore {
 
     /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
     pub fn transmitted(&mut self, now: MonoTime) {
+        self.stop_was_transmitted(now);
         match self.share.as_mut().and_then(|share| share.signal.take()) {
             Some(SignalKind::HandOver) => return self.give_way(now),
             Some(SignalKind::Question) => self.roll_was_called(now),

@@ -7,6 +7,7 @@ use super::outbox::Outbox;
 use super::work::Reading;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
+use crate::drive::doubt::READ_AGAIN_AFTER;
 use crate::drive::plausible::Verdict;
 use crate::profile::model::{Model, PollClass};
 
@@ -21,6 +22,9 @@ impl DriveOnLine {
     ) {
         let (address, words) = read;
         if self.blank.doubts(&self.setup.model, &self.snapshot, read, read_at) {
+            for place in address.onwards().take(words.len()) {
+                self.plan.ask_for(place, now + READ_AGAIN_AFTER);
+            }
             return;
         }
         let count = u16::try_from(words.len()).unwrap_or(u16::MAX);
@@ -51,8 +55,7 @@ impl DriveOnLine {
         }
     }
 
-    /// Whether the drive has shown that it is one of its model. As long as it has not, nothing follows from its words; then all
-    /// of them are read again.
+    /// Whether the drive has shown that it is one of its model. As long as it has not, nothing follows from its words.
     fn is_believed(&mut self, now: MonoTime, (address, words): (Address, &[u16]), effects: &mut Outbox) -> bool {
         match self.plausibility.take(address, words) {
             Some(Verdict::Holds) => self.plan.drive_is_back(now),

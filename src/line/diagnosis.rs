@@ -149,8 +149,10 @@ impl Diagnosis {
     /// The current suspicion.
     pub fn suspicion(&mut self) -> Option<Suspicion> {
         let pattern = self.pattern();
-        if pattern.is_some() {
-            self.found = pattern;
+        if let Some(pattern) = pattern
+            && !self.found.is_some_and(|found| is_same(found, pattern))
+        {
+            self.found = Some(pattern);
         }
         let is_settled = match self.found {
             Some(Suspicion::OneSilent(station) | Suspicion::OneUnitSilent(station)) => {
@@ -230,6 +232,14 @@ impl Diagnosis {
             seen.beyond_limit = 0;
             seen.wrong_replies = 0;
         }
+    }
+}
+
+/// Whether both suspect the same of the same station, whatever frames show it.
+fn is_same(one: Suspicion, other: Suspicion) -> bool {
+    match (one, other) {
+        (Suspicion::WrongReplies { station: one, .. }, Suspicion::WrongReplies { station: other, .. }) => one == other,
+        _ => one == other,
     }
 }
 
@@ -342,6 +352,24 @@ mod tests {
         let [request, reply] = frames;
         assert_eq!(found, Some(Suspicion::WrongReplies { station: Station(1), request, reply }));
         assert!(found.unwrap().to_string().contains("01 03 04 00 00 00 to 01 03 20 00 00 01"), "{found:?}");
+    }
+
+    #[test]
+    fn a_station_that_answers_each_request_in_the_wrong_form_is_told_once() {
+        let mut diagnosis = line();
+        let request = HeardFrame::of(&[1, 3, 0x20, 0, 0, 1]);
+        let mut told = Vec::new();
+        for number in 0..200 {
+            diagnosis.sent(0);
+            diagnosis.wrong_reply(0, request, HeardFrame::of(&[1, 3, 4, 0, 0, number]));
+            diagnosis.ended(Some(Fault::Silent), 7);
+            told.push(diagnosis.suspicion());
+        }
+        told.dedup();
+        assert!(
+            matches!(told.as_slice(), [None, Some(Suspicion::WrongReplies { station: Station(1), .. })]),
+            "{told:?}"
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use rustix::io::Errno;
 use rustix::net::sockopt::set_socket_linger;
-use rustix::net::{RecvFlags, recv};
+use rustix::net::{RecvFlags, listen, recv};
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -36,6 +36,8 @@ pub struct Meddler {
     pub address: SocketAddr,
     way: Arc<Mutex<Way>>,
     requests: Arc<Mutex<Vec<Vec<u8>>>>,
+    /// The first packet of each connection is lost: it stands a second later.
+    is_slow: Arc<AtomicBool>,
     /// Connections that are open to this side, and the most that ever were.
     open: Arc<AtomicUsize>,
     most: Arc<AtomicUsize>,
@@ -63,9 +65,19 @@ impl Meddler {
         let (open, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
         let shared = Shared { way: Arc::clone(&way), requests: Arc::clone(&requests), open: Arc::clone(&open) };
         let seen = Arc::clone(&most);
+        let is_slow = Arc::new(AtomicBool::new(false));
+        let slow = Arc::clone(&is_slow);
         thread::spawn(move || {
             let mut before: Vec<Weak<TcpStream>> = Vec::new();
-            for client in listener.incoming().map_while(Result::ok).map(Arc::new) {
+            let mut filled: Option<TcpStream> = None;
+            loop {
+                if filled.take().is_some() {
+                    thread::sleep(Duration::from_millis(300));
+                    let _ = listener.accept();
+                }
+                let Ok((client, _)) = listener.accept() else { return };
+                filled = slow.load(Ordering::SeqCst).then(|| fills(&listener));
+                let client = Arc::new(client);
                 // On this machine the end of a connection arrives before whatever is begun after it.
                 before.retain(|earlier| earlier.upgrade().is_some_and(|earlier| !has_ended(&earlier)));
                 before.push(Arc::downgrade(&client));
@@ -80,12 +92,17 @@ impl Meddler {
                 }
             }
         });
-        Self { address, way, requests, open, most }
+        Self { address, way, requests, is_slow, open, most }
     }
 
     /// Changes what happens from now on.
     pub fn goes(&self, way: Way) {
         *self.way.lock().unwrap_or_else(PoisonError::into_inner) = way;
+    }
+
+    /// From now on the first packet of each connection is lost.
+    pub fn loses_first_packets(&self) {
+        self.is_slow.store(true, Ordering::SeqCst);
     }
 
     /// The PDUs of all requests that arrived here, whether or not they were passed on.
@@ -109,6 +126,13 @@ impl Meddler {
     pub fn connections(&self) -> usize {
         self.open.load(Ordering::SeqCst)
     }
+}
+
+/// A connection that fills the queue of `listener`: the system drops the first packet of the next one, which is sent again
+/// after a second.
+fn fills(listener: &TcpListener) -> TcpStream {
+    listen(listener, 0).unwrap();
+    TcpStream::connect(listener.local_addr().unwrap()).unwrap()
 }
 
 /// Whether the other side has closed or reset the connection, or this side has shut it down.

@@ -200,6 +200,21 @@ fn a_server_that_closes_after_each_reply_is_no_lost_line() {
 }
 
 #[test]
+fn a_server_that_closes_after_each_reply_and_is_slow_to_accept_is_no_lost_line() {
+    let plant = Plant::new();
+    plant.meddler.goes(Way::ClosedBehind);
+    let said = || plant.gateway.program.text();
+    until("it is known", PATIENCE, || said().contains("server closes the connection after each reply").then_some(()));
+    plant.meddler.loses_first_packets();
+    let before = plant.meddler.requests().len();
+    std::thread::sleep(Duration::from_secs(8));
+    let exchanges = plant.meddler.requests().len() - before;
+    assert!((3..100).contains(&exchanges), "one a second: {exchanges}");
+    let times = |part: &str| said().matches(part).count();
+    assert_eq!((times("line down"), times("drive offline")), (0, 0), "{}", said());
+}
+
+#[test]
 fn a_stop_that_is_given_while_answers_are_swallowed_arrives_and_is_confirmed_later() {
     let plant = Plant::new();
     let mut client = Raw::connect(plant.gateway.address);

@@ -265,6 +265,82 @@ fn a_lease_ends_on_a_connection_whose_replies_are_late() {
     assert!(!rig.view(0).control.expect("control").stop_pending);
 }
 
+/// The server has closed the connection, as some do behind each reply.
+fn parts(rig: &mut Rig) {
+    rig.core.handle(rig.now, Input::ConnectionClosed);
+    rig.bus.hang_up(rig.now);
+    rig.settle();
+}
+
+fn connects(rig: &mut Rig) {
+    assert!(rig.core.connects_at().is_some_and(|at| at <= rig.now), "a frame is due");
+    rig.core.handle(rig.now, Input::ConnectionBack);
+    rig.settle();
+}
+
+#[test]
+fn what_waits_for_another_connection_is_decided_when_it_stands() {
+    // The deadline of a command is a second.
+    for (stops_after, connects_after, expected) in
+        [(None, 300, [1].as_slice()), (None, 1250, &[]), (Some(400), 900, &[0])]
+    {
+        let mut rig = controlled(1);
+        assert_eq!(rig.commanded(MQTT, setpoint(3000)).0, Outcome::Confirmed);
+        parts(&mut rig);
+        rig.sent.clear();
+        let began = rig.now;
+        let ordered = rig.command(MQTT, 0, run(Forward, None));
+        let stop = stops_after.map(|after| {
+            rig.pass(Duration::from_millis(after));
+            rig.command(plc(1), 0, STOP)
+        });
+        rig.pass(Duration::from_millis(connects_after).saturating_sub(rig.now.since(began)));
+        assert!(rig.sent.is_empty(), "nothing is written without a connection");
+        connects(&mut rig);
+        rig.pass(Duration::from_secs(2));
+        let told = format!("{stops_after:?} {connects_after}");
+        assert_eq!(rig.written(RUN), expected, "{told}");
+        let outcome = rig.outcome_of(ordered).0;
+        match (stop, connects_after) {
+            (Some(stop), _) => {
+                assert_eq!((outcome, rig.outcome_of(stop).0), (Outcome::Superseded, Outcome::Confirmed));
+            }
+            (None, 300) => assert_eq!(outcome, Outcome::Acknowledged, "{told}"),
+            _ => assert_eq!(outcome, Outcome::Expired, "{told}"),
+        }
+    }
+}
+
+#[test]
+fn the_time_to_connect_is_no_part_of_the_time_for_the_reply() {
+    let mut rig = line(1, "", 1);
+    for _ in 0..20 {
+        parts(&mut rig);
+        let ticket = rig.read(1, 0, PROOF, 1);
+        rig.pass(TIMEOUT * 3);
+        connects(&mut rig);
+        assert!(matches!(rig.answer_to(ticket), NativeOutcome::Words(_)));
+    }
+    assert_eq!((rig.core.counters().silent, rig.core.report().state), (0, LineState::Up));
+}
+
+#[test]
+fn an_exchange_ends_with_its_connection() {
+    let mut rig = running();
+    rig.swallows = Some(vec![6, 0, 2, 0, 0]);
+    let ticket = rig.command(plc(1), 0, STOP);
+    until_sent(&mut rig, 6);
+    rig.pass(Duration::from_millis(1));
+    parts(&mut rig);
+    rig.swallows = None;
+    let closed = rig.now;
+    rig.sent.clear();
+    connects(&mut rig);
+    until_sent(&mut rig, 6);
+    assert!(rig.now.since(closed) < TIMEOUT / 2, "{:?}", rig.now.since(closed));
+    assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
+}
+
 /// A converter says for its drive that it does not answer. The drive itself has said nothing.
 #[test]
 fn a_drive_that_a_converter_does_not_reach_is_silent() {

@@ -91,6 +91,21 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
     assert_eq!(sights.count(), 2);
 }
 
+/// The process was suspended before the write, or the adapter was unplugged right then.
+#[test]
+fn a_stop_that_was_decided_on_and_not_written_was_not_sent() {
+    let mut rig = running_by(MQTT, FailSafe::Stop);
+    rig.port_is_stuck = true;
+    rig.pass(LOST_AFTER + Duration::from_secs(5));
+    assert_eq!(stage(&rig), Some((Cause::CommanderLost, FailSafeStage::Due)));
+    assert!(rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent), "{:?}", rig.notes);
+    assert!(!rig.notes.iter().any(|(_, it)| *it == Note::NotEffective), "{:?}", rig.notes);
+    rig.port_is_stuck = false;
+    rig.pass(Duration::from_secs(20));
+    assert_eq!(stage(&rig), Some((Cause::CommanderLost, FailSafeStage::Effective)));
+    assert_eq!(rig.output(1), 0);
+}
+
 fn stage_in(entry: &Entry) -> Option<FailSafeStage> {
     match entry {
         Entry::FailSafe { .. } => Some(FailSafeStage::Due),

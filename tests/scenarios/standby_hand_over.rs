@@ -2,12 +2,14 @@
 
 use crate::support::pair::{Pair, Sent};
 use crate::support::{MQTT, ORIGIN, RigOptions, control, model, run};
+use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::ControlSettings;
+use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost, StandbyTrouble};
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveSetup, Input, Note};
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -67,6 +69,32 @@ fn a_line_is_not_handed_over_to_a_listener_that_would_stop_a_drive_that_runs() {
     assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
     let told = pair.halves[1].notes.iter().filter(|(_, note)| *note == Note::HandOverRefused);
     assert_eq!((told.count(), pair.output(1)), (1, 3000));
+}
+
+/// Whether two gateways of a line say that their files differ, if that of the second one is changed.
+fn is_told(of: &RigOptions, change: impl Fn(&mut DriveSetup)) -> bool {
+    let mut pair = Pair::new(2, of);
+    pair.halves[1].setup.drives.iter_mut().for_each(change);
+    pair.start(0);
+    pair.start(1);
+    pair.pass(SECOND * 10);
+    pair.core(0).report().standby.unwrap().trouble.files_differ
+}
+
+#[test]
+fn what_makes_a_difference_to_the_motor_is_compared_and_nothing_else() {
+    let settings = |directions: [Direction; 2]| {
+        let directions = directions.to_vec();
+        ControlSettings { directions, on_gateway_lost: Some(OnGatewayLost::Stop), ..control() }
+    };
+    let (forward_first, reverse_first) =
+        (settings([Direction::Forward, Direction::Reverse]), settings([Direction::Reverse, Direction::Forward]));
+    let of = RigOptions { control: Some(forward_first), ..options("hyundai-n700") };
+    assert!(!is_told(&of, |drive| drive.control = Some(Arc::new(reverse_first.clone()))), "another order of the words");
+    let scaled = |hertz: u32| Arc::new(model("huanyang-gt").with_full_scale(Hertz::from_millihertz(hertz * 1000)));
+    let of = RigOptions { model: scaled(50), ..options("hyundai-n700") };
+    assert!(!is_told(&of, |_| {}));
+    assert!(is_told(&of, |drive| drive.model = scaled(400)), "each setpoint would be wrong by 8");
 }
 
 #[test]

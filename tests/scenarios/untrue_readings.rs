@@ -6,7 +6,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, RunIntent};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
-use vfd_gateway::profile::model::Role;
+use vfd_gateway::profile::model::{PollClass, Role};
 use vfd_gateway::sim::SimDrive;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -61,6 +61,25 @@ fn zeros_or_ones_for_a_moment_are_no_trips() {
             assert!(matches!(event.kind, TripEventKind::Tripped { trips: 1, .. }), "{event:?}");
         }
     }
+}
+
+/// Once an hour is how often it is polled.
+#[test]
+fn a_block_that_is_doubted_is_read_again_a_second_later() {
+    let places = [0x0211, 0x0212];
+    let hourly = model_with("hyundai-n700", |model| {
+        for register in model.registers.iter_mut().filter(|it| places.contains(&it.address.number())) {
+            register.poll = Some(PollClass::Hourly);
+        }
+    });
+    let mut rig = rig_of(&hourly, accepting());
+    rig.live(SECOND * 5);
+    drive(&mut rig).shows_everywhere(u16::MAX);
+    rig.sent.clear();
+    rig.live(SECOND * 3700);
+    let reads: Vec<_> = rig.sent.iter().filter(|sent| sent.pdu.starts_with(&[3, 0x02, 0x11])).map(|it| it.at).collect();
+    let [first, again] = reads.as_slice() else { panic!("{reads:?}") };
+    assert!((SECOND..SECOND * 2).contains(&again.since(*first)), "{reads:?}");
 }
 
 #[test]

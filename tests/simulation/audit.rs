@@ -192,7 +192,10 @@ fn pass(world: &mut World, books: &mut Books<'_>, time: Duration) -> Result<(), 
 fn drain(world: &mut World, books: &mut Books<'_>) -> Result<(), String> {
     while let Some(effect) = world.core.next_effect() {
         match effect {
-            Effect::Transmit(frame) => world.bus.receive(world.now, &frame),
+            Effect::Transmit(frame) => {
+                world.bus.receive(world.now, &frame);
+                world.core.transmitted(world.now);
+            }
             Effect::Command(answer) if answer.is_final => {
                 let before = books.told.insert(answer.ticket.0, answer.report);
                 before.map_or(Ok(()), |before| Err(format!("{:?} was told before: {before:?}", answer.ticket)))?;

@@ -208,6 +208,7 @@ impl Walk {
                 Effect::Transmit(frame) => {
                     self.proof = (self.bus.exchange(Station(frame[0])) + 1) as u16;
                     self.bus.receive(self.now, &frame);
+                    self.core.transmitted(self.now);
                 }
                 Effect::Answer(answer) => self.answered(answer.ticket.0, &answer.outcome),
                 Effect::Reopen(fault) => {

@@ -97,6 +97,7 @@ impl Line {
                         self.stops.push((world.now, frame[0]));
                     }
                     world.bus.receive(world.now, &frame);
+                    world.core.transmitted(world.now);
                 }
             }
             let wake = world.core.next_wake().map_or(MonoTime::NEVER, |wake| wake.at);

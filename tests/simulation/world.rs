@@ -295,6 +295,7 @@ impl World {
         match effect {
             Effect::Transmit(frame) => {
                 self.bus.receive(self.now, &frame);
+                self.core.transmitted(self.now);
                 self.checker.request(self.now.as_nanos(), &frame, self.bus.newest_reply());
                 self.look_after(&frame);
             }

@@ -267,6 +267,8 @@ pub struct Rig {
     pub loses_reply_to: Option<u8>,
     /// Frames with this PDU reach no drive.
     pub swallows: Option<Vec<u8>>,
+    /// The port takes no frame.
+    pub port_is_stuck: bool,
     framing: Framing,
     port_kind: PortKind,
     /// Sent bytes come back at once, as from an adapter that receives its own bytes.
@@ -320,6 +322,7 @@ impl Rig {
             keeps_sent: true,
             loses_reply_to: None,
             swallows: None,
+            port_is_stuck: false,
             framing: options.bus.framing,
             port_kind: port_kind(options),
             echoes: options.echoes,
@@ -610,6 +613,9 @@ impl Rig {
     }
 
     fn transmit(&mut self, frame: Vec<u8>) {
+        if self.port_is_stuck {
+            return;
+        }
         if !self.keeps_sent {
             self.sent.clear();
         }
@@ -624,6 +630,7 @@ impl Rig {
         } else if self.swallows.as_ref() != Some(&pdu) {
             self.bus.receive(self.now, &frame);
         }
+        self.core.transmitted(self.now);
         if self.echoes {
             self.core.handle(self.now, Input::Bytes(&frame));
         }

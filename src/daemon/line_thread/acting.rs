@@ -72,7 +72,7 @@ impl LineTask<'_> {
             match effect {
                 Effect::Transmit(frame) => {
                     if let Some(device) = &mut device {
-                        self.transmit(device, frame)?;
+                        self.transmit(device, &frame)?;
                     }
                 }
                 Effect::Reopen(fault) => self.to_reopen = Some(fault),

@@ -2,16 +2,18 @@
 //! no lost line: the next request makes a new connection. Only if there is none, or if the server closes one over which
 //! nothing came, the line is down.
 
+use super::opening::Meanwhile;
 use super::{Connection, LineTask};
 use crate::config::PortAddress;
 use crate::daemon::host::clock;
 use crate::daemon::port::{Opener, Port};
+use crate::gateway::Input;
 use std::io;
+use std::pin::pin;
 use std::time::Duration;
-use tokio::time::timeout;
 
-/// Longest wait for another connection. Nothing else is done on the line meanwhile, as during an exchange.
-const CONNECT_WITHIN: Duration = Duration::from_secs(1);
+/// Longest wait for another connection: long enough for a lost first packet, which is repeated after 1 s.
+const CONNECT_WITHIN: Duration = Duration::from_secs(2);
 
 impl LineTask<'_> {
     /// The port was opened.
@@ -19,21 +21,14 @@ impl LineTask<'_> {
         self.connection = Connection { replies_before: self.core.counters().replies, ..Connection::default() };
     }
 
-    /// Sends a frame, or keeps it for the next connection.
-    pub(super) fn transmit(&mut self, device: &mut Port, frame: Vec<u8>) -> io::Result<()> {
-        if device.is_parked() {
-            self.connection.unsent = Some(frame);
-            return Ok(());
-        }
+    /// Sends a frame.
+    pub(super) fn transmit(&mut self, device: &mut Port, frame: &[u8]) -> io::Result<()> {
         if !self.core.may_transmit(clock::now()) {
             return Ok(());
         }
-        match device.write_frame(&frame) {
+        match device.write_frame(frame) {
             // The system has sent nothing of it.
-            Err(error) if self.is_only_closed(&error) => {
-                self.let_go(device);
-                self.connection.unsent = Some(frame);
-            }
+            Err(error) if self.is_only_closed(&error) => self.let_go(device),
             sent => {
                 sent?;
                 self.core.transmitted(clock::now());
@@ -42,19 +37,31 @@ impl LineTask<'_> {
         Ok(())
     }
 
-    /// Makes another connection for the frame that waits for one.
-    pub(super) async fn send_over_another(&mut self, device: &mut Port, opener: &mut Opener<'_>) -> io::Result<()> {
-        let Some(frame) = self.connection.unsent.take() else { return Ok(()) };
-        let gone = |why: String| io::Error::new(io::ErrorKind::ConnectionReset, why);
-        let opened = timeout(CONNECT_WITHIN, opener.open()).await;
-        let opened = opened.map_err(|_| gone("the server does not accept another connection in time".to_owned()))?;
-        *device = opened.map_err(|error| gone(opener.explain(&error)))?;
-        self.connection.replies_before = self.core.counters().replies;
-        if self.core.may_transmit(clock::now()) {
-            device.write_frame(&frame)?;
-            self.core.transmitted(clock::now());
+    /// Makes another connection once a frame is due. Only then is decided which: messages are taken meanwhile, and what was
+    /// due may be too late by then.
+    pub(super) async fn connect_again(&mut self, device: &mut Port, opener: &mut Opener<'_>) -> io::Result<()> {
+        let now = clock::now();
+        if self.core.connects_at().is_none_or(|at| at > now) {
+            return Ok(());
         }
-        Ok(())
+        let opened = {
+            let mut opening = pin!(opener.open());
+            self.meanwhile(now + CONNECT_WITHIN, |cx| opening.as_mut().poll(cx)).await?
+        };
+        let gone = |why: String| io::Error::new(io::ErrorKind::ConnectionReset, why);
+        *device = match opened {
+            Meanwhile::Done(Ok(device)) => device,
+            Meanwhile::Done(Err(error)) => return Err(gone(opener.explain(&error))),
+            Meanwhile::TimeIsUp => {
+                return Err(gone("the server does not accept another connection in time".to_owned()));
+            }
+            Meanwhile::Ended => return Ok(()),
+        };
+        self.connection.replies_before = self.core.counters().replies;
+        self.take_messages();
+        self.core.handle(clock::now(), Input::ConnectionBack);
+        self.core.handle(clock::now(), Input::Time);
+        self.act(Some(device))
     }
 
     /// Whether `error` only means that the server has closed a connection over which it had replied.
@@ -67,7 +74,7 @@ impl LineTask<'_> {
 
     /// The server has closed the connection: the next frame makes another one.
     pub(super) fn let_go(&mut self, device: &mut Port) {
-        device.park();
+        self.part(device);
         let line = &self.port.line;
         if self.replies_on_connection() == 1 && !std::mem::replace(&mut self.connection.closes_each, true) {
             tracing::info!(line, "server closes the connection after each reply; each request makes a new one");
@@ -81,10 +88,15 @@ impl LineTask<'_> {
         if self.connection.closes_each
             && !device.is_parked()
             && self.replies_on_connection() > 0
-            && !self.core.is_occupied()
+            && !self.core.awaits_reply()
         {
-            device.park();
+            self.part(device);
         }
+    }
+
+    fn part(&mut self, device: &mut Port) {
+        device.park();
+        self.core.handle(clock::now(), Input::ConnectionClosed);
     }
 
     fn replies_on_connection(&self) -> u64 {

@@ -249,8 +249,6 @@ struct Connection {
     replies_before: u64,
     /// The server closes each after one reply.
     closes_each: bool,
-    /// A frame that waits for the next one.
-    unsent: Option<Vec<u8>>,
 }
 
 struct LineTask<'a> {

@@ -54,7 +54,7 @@ impl LoggedFaults {
 }
 
 /// What happened first while there was no port.
-enum Meanwhile<T> {
+pub(super) enum Meanwhile<T> {
     Done(T),
     TimeIsUp,
     /// The thread is to exit.
@@ -141,7 +141,7 @@ impl LineTask<'_> {
 
     /// Waits for `until` or for the result of `poll`, without a port: requests are still answered, leases expire, and
     /// overdue stops are reported.
-    async fn meanwhile<T>(
+    pub(super) async fn meanwhile<T>(
         &mut self,
         until: MonoTime,
         mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>,

@@ -98,7 +98,7 @@ impl LineTask<'_> {
         let mut has_more = false;
         loop {
             self.act(Some(device))?;
-            self.send_over_another(device, opener).await?;
+            self.connect_again(device, opener).await?;
             self.look_after(uptime, device);
             if self.is_over() {
                 return Ok(Left::Closed);
@@ -106,9 +106,12 @@ impl LineTask<'_> {
             if let Some(fault) = self.to_reopen.take() {
                 return Ok(Left::ToReopen(fault));
             }
-            if let Some(wake) = self.core.next_wake() {
-                let ends_silence = wake.reason == WakeReason::SilentInterval;
-                self.timer.arm(if ends_silence { wake.at.before(WAKE_EARLY) } else { wake.at })?;
+            let wake = self.core.next_wake().map(|wake| match wake.reason {
+                WakeReason::SilentInterval => wake.at.before(WAKE_EARLY),
+                _ => wake.at,
+            });
+            if let Some(due) = wake.into_iter().chain(self.core.connects_at()).min() {
+                self.timer.arm(due)?;
             }
             has_more = match self.hear(device, &mut buffer, has_more).await {
                 Err(error) if self.is_only_closed(&error) => {
@@ -117,8 +120,8 @@ impl LineTask<'_> {
                 }
                 heard => heard?,
             };
-            self.core.handle(clock::now(), Input::Time);
             self.close_after_reply(device);
+            self.core.handle(clock::now(), Input::Time);
         }
     }
 

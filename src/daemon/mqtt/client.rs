@@ -174,7 +174,7 @@ impl<T: Protocol> Client<'_, T> {
                 return self.abandon(&mut events, Broken::because(reason));
             }
             if let Incident::Connected(terms) = &mut incident {
-                self.limit.apply(terms);
+                self.limit.apply(terms, clock::now());
                 patience = self.patience(terms);
                 let since = Instant::now();
                 let alone_above = self.limit.alone_above();

@@ -48,13 +48,6 @@ impl DriveWork {
     /// Sends the wish of `rank` at `now`. If its deadline has passed, it is answered and nothing is sent.
     pub fn send(&mut self, rank: Rank, now: MonoTime, out: Out<'_>) -> bool {
         match rank {
-            Rank::FirstStop | Rank::RepeatedStop => {
-                if let Some(latch) = &mut self.latch {
-                    latch.was_sent(now, self.deaf_until);
-                    let sent = self.guard.stop_was_sent();
-                    self.fail_safe_came(sent, out);
-                }
-            }
             Rank::Step | Rank::Start => {
                 if self.current.is_none() {
                     self.current = self.waiting.pop_front();
@@ -68,11 +61,19 @@ impl DriveWork {
                 self.reset.stands |= execution.leaves_a_reset_standing();
                 self.start_was_sent();
             }
-            Rank::Look | Rank::Trip => {}
+            Rank::FirstStop | Rank::RepeatedStop | Rank::Look | Rank::Trip => {}
         }
         self.flight = Some(rank);
         self.has_changed = true;
         true
+    }
+
+    /// The frame of its stop was handed to the port, which took until `now`. One that was only decided on was not sent.
+    pub fn stop_was_transmitted(&mut self, now: MonoTime, out: Out<'_>) {
+        let Some(latch) = &mut self.latch else { return };
+        latch.was_sent(now, self.deaf_until);
+        let sent = self.guard.stop_was_sent();
+        self.fail_safe_came(sent, out);
     }
 
     /// The exchange of `request` for the wish of `rank` is over. `doubt`: its reply may have been a late reply to another

@@ -1,6 +1,7 @@
 //! What is learned of the largest packet that the broker takes.
 
 use super::{Client, Protocol};
+use crate::daemon::host::clock;
 use crate::daemon::mqtt::incident::{Broken, Cause};
 
 impl<T: Protocol> Client<'_, T> {
@@ -14,9 +15,10 @@ impl<T: Protocol> Client<'_, T> {
 
     /// The connection is over. Returns why, as far as the size of what was sent on it explains that.
     pub(super) fn judged(&mut self, broken: Broken) -> Broken {
-        let largest = self.link.take().map_or(0, |link| link.window.largest_bytes());
+        let Some(link) = self.link.take() else { return broken };
+        let largest = link.window.largest_bytes();
         let before = self.limit.most();
-        if !self.limit.ended(broken.cause, largest) {
+        if !self.limit.ended(broken.cause, largest, link.since.elapsed(), clock::now()) {
             return broken;
         }
         if let Some(most) = self.limit.most().filter(|most| Some(*most) != before) {
