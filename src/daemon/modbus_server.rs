@@ -82,7 +82,7 @@ struct Client {
     /// When a read last renewed a lease, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
     listener: Rc<Listener>,
-    router: RefCell<Rc<Router>>,
+    router: RefCell<Arc<Router>>,
     /// Why it is to be closed, if it is.
     dismissed: Cell<Option<Dismissal>>,
     server: Weak<Server>,
@@ -319,8 +319,8 @@ impl Client {
         self.machine.borrow_mut().next_kept()
     }
 
-    fn router(&self) -> Rc<Router> {
-        Rc::clone(&self.router.borrow())
+    fn router(&self) -> Arc<Router> {
+        Arc::clone(&self.router.borrow())
     }
 
     /// Applies what its listener grants now.
