@@ -335,6 +335,7 @@ impl Slave {
     fn make_room(&mut self, is_ours: &dyn Fn(u8) -> bool) {
         if self.settings.framing == Framing::Rtu && self.bytes.len() > KEPT_MAX {
             self.take_requests(self.busy_until, is_ours);
+            self.end_wait();
         }
         let excess = self.bytes.len().saturating_sub(KEPT_MAX);
         self.bytes.drain(..excess);
