@@ -16,6 +16,9 @@ use tokio::time::interval;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines that are watched at once.
 const AT_ONCE: usize = 8;
+/// What the doctor names of a drive beside its frames: a motor that does not do what was ordered.
+const OF_MOTION: [&str; 6] =
+    ["may_still_run", "not_effective", "output_outside", "stopped_elsewhere", "commander_lost", "failsafe"];
 /// Cells of the progress bar.
 const BAR_CELLS: u64 = 30;
 
@@ -46,13 +49,15 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
     let reports = runtime.block_on(watch(&socket, args))?;
-    let own = runtime.block_on(own_findings(&socket));
+    let advice = runtime.block_on(advice(&socket));
+    let (own, drives) = (own_findings(&advice), of_motion(&advice, &reports));
     print(&if args.json {
-        format!("{}\n", json!({ "lines": reports, "gateway": own }))
+        format!("{}\n", json!({ "lines": reports, "drives": drives, "gateway": own }))
     } else {
-        format!("{}{}", text(&reports), own_text(&own))
+        format!("{}{}{}", text(&reports), section("drives", &drives), section("gateway", &own))
     })?;
-    match reports.iter().flat_map(findings).chain(&own).filter(|finding| finding["severity"] == "problem").count() {
+    let all = reports.iter().flat_map(findings).chain(drives).chain(own);
+    match all.filter(|finding| finding["severity"] == "problem").count() {
         0 => Ok(()),
         1 => Err(Failure::failed("one problem was found")),
         problems => Err(Failure::failed(format!("{problems} problems were found"))),
@@ -88,11 +93,22 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
     Ok(reports)
 }
 
-/// What is wrong with the gateway itself: its broker, its journal, its socket. Another version may not tell.
-async fn own_findings(socket: &Path) -> Vec<Value> {
+/// What the gateway finds wrong at present. Another version may not tell.
+async fn advice(socket: &Path) -> Vec<Value> {
     let told = look(socket, "/api/v1/advice", PATIENCE).await.unwrap_or_default();
-    let is_own = |finding: &&Value| finding["line"].is_null() && finding["drive"].is_null();
-    told["advice"].as_array().into_iter().flatten().filter(is_own).cloned().collect()
+    told["advice"].as_array().cloned().unwrap_or_default()
+}
+
+/// What is wrong with the gateway itself: its broker, its journal, its socket.
+fn own_findings(advice: &[Value]) -> Vec<&Value> {
+    advice.iter().filter(|finding| finding["line"].is_null() && finding["drive"].is_null()).collect()
+}
+
+/// What the motors on the watched lines do that was not ordered. What their frames show is in the reports.
+fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
+    let is_watched = |finding: &Value| reports.iter().any(|report| report["line"] == finding["line"]);
+    let is_of_motion = |finding: &Value| finding["sign"].as_str().is_some_and(|sign| OF_MOTION.contains(&sign));
+    advice.iter().filter(|finding| is_of_motion(finding) && is_watched(finding)).collect()
 }
 
 async fn look(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
@@ -127,10 +143,10 @@ fn findings(report: &Value) -> impl Iterator<Item = &Value> {
     report["verdict"].as_array().into_iter().flatten()
 }
 
-/// What is wrong with the gateway itself; empty if nothing is.
-fn own_text(findings: &[Value]) -> String {
-    let rows = findings.iter().map(finding_row);
-    if findings.is_empty() { String::new() } else { format!("\ngateway\n{}", rows.collect::<String>()) }
+/// `findings` below `title`; empty if there is none.
+fn section(title: &str, findings: &[&Value]) -> String {
+    let rows = findings.iter().map(|finding| finding_row(finding));
+    if findings.is_empty() { String::new() } else { format!("\n{title}\n{}", rows.collect::<String>()) }
 }
 
 fn finding_row(finding: &Value) -> String {
@@ -141,7 +157,10 @@ fn finding_row(finding: &Value) -> String {
         "problem" => Tone::Problem,
         _ => Tone::Notice,
     };
-    format!("  {}: {}\n", toned(tone, severity), word("text"))
+    // The text of a report names its drive itself.
+    let drive = finding["drive"].as_str().filter(|drive| !word("text").starts_with(drive));
+    let drive = drive.map_or_else(String::new, |drive| format!("{drive}: "));
+    format!("  {}: {drive}{}\n", toned(tone, severity), word("text"))
 }
 
 /// The reports for people. Missing values are shown as `?` or `-`: another version may send less.
@@ -273,8 +292,20 @@ mod tests {
     #[test]
     fn what_is_wrong_with_the_gateway_itself_follows_the_lines() {
         let finding = json!({ "severity": "problem", "text": "the broker is not reached" });
-        assert_eq!(own_text(&[finding]), "\ngateway\n  problem: the broker is not reached\n");
-        assert_eq!(own_text(&[]), "");
+        let advice = [finding];
+        let own = own_findings(&advice);
+        assert_eq!(section("gateway", &own), "\ngateway\n  problem: the broker is not reached\n");
+        assert_eq!(section("gateway", &[]), "");
+    }
+
+    #[test]
+    fn what_the_motors_of_the_watched_lines_do_unordered_is_named() {
+        let finding = |line: &str, sign: &str| json!({ "severity": "problem", "sign": sign, "line": line, "drive": "pump-1", "text": "it turns" });
+        let signs = ["may_still_run", "failsafe", "stopped_elsewhere", "output_outside", "tripped"];
+        let advice: Vec<_> = signs.iter().flat_map(|sign| ["a", "b"].map(|line| finding(line, sign))).collect();
+        let found = of_motion(&advice, &[json!({ "line": "a" })]);
+        assert_eq!(found.iter().map(|it| it["sign"].as_str().unwrap()).collect::<Vec<_>>(), signs[..4]);
+        assert_eq!(section("drives", &found[..1]), "\ndrives\n  problem: pump-1: it turns\n");
     }
 
     #[test]

@@ -37,7 +37,8 @@ pub struct Args {
     json: bool,
 }
 
-/// Prints a line for each line and drive, and fails unless the gateway is ready and has read something of each drive; or fails unless it is alive, or active.
+/// Prints a line for each line and drive, and fails unless the gateway is ready, has read something of each drive and no
+/// motor may run unseen; or fails unless it is alive, or active.
 pub fn health(args: &Args) -> Result<(), Failure> {
     let place = match &args.url {
         Some(url) => HealthSource::Url(Url::new(url)?),
@@ -53,14 +54,23 @@ pub fn health(args: &Args) -> Result<(), Failure> {
         return print(&format!("{}\n", active(&health).map_err(failed)?));
     }
     print(&if args.json { format!("{health}\n") } else { report(&health) })?;
-    match &never_read(&health)[..] {
-        _ if health["ready"] != true => Err(failed("not ready".to_owned())),
-        [] => match essential_refused(&health) {
-            Some(refused) => Err(failed(refused)),
-            None => Ok(()),
-        },
-        drives => Err(failed(format!("nothing was ever read of {}", drives.join(", ")))),
-    }
+    why_not_in_order(&health).map_or(Ok(()), |why| Err(failed(why)))
+}
+
+/// Why the gateway or a drive is not in order, the worst first; `None` if all are.
+fn why_not_in_order(health: &Value) -> Option<String> {
+    let named = |what: &str, drives: Vec<&str>| (!drives.is_empty()).then(|| format!("{what} {}", drives.join(", ")));
+    let not_ready = || (health["ready"] != true).then(|| "not ready".to_owned());
+    named("a motor may still run unseen: go to", unseen(health))
+        .or_else(not_ready)
+        .or_else(|| named("nothing was ever read of", never_read(health)))
+        .or_else(|| essential_refused(health))
+}
+
+/// The drives that are out of sight and may still run.
+fn unseen(health: &Value) -> Vec<&str> {
+    let drives = health["drives"].as_array().into_iter().flatten();
+    drives.filter(|drive| drive["may_still_run"] == true).map(|drive| word(drive, "name")).collect()
 }
 
 /// The drives of which nothing was read since the start, on lines on which this gateway sends.
@@ -212,7 +222,7 @@ fn oversized(side: &str, health: &Value) -> String {
 }
 
 /// A drive that may run unseen. It is told before all others.
-fn unseen_row(drive: &Value) -> String {
+pub fn unseen_row(drive: &Value) -> String {
     let seen = &drive["last_seen"];
     let hertz = seen["output_hz"].as_f64().map(|hertz| format!(" at {hertz:.2} Hz")).unwrap_or_default();
     let at = seen["at"].as_str().map(|at| format!(", {at}")).unwrap_or_default();
@@ -250,9 +260,27 @@ fn drive_row(drive: &Value) -> String {
     let state = drive["undocumented_state"].as_str();
     let state =
         state.map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:"))).unwrap_or_default();
+    let motion = motion_of(drive);
     let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
     let site = if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
-    format!("drive {name} ({model} on {line}): {presence}, {run_state}{watchdog}{warning}{state}{refused}{site}\n")
+    format!(
+        "drive {name} ({model} on {line}): {presence}, {run_state}{motion}{watchdog}{warning}{state}{refused}{site}\n"
+    )
+}
+
+/// What is not as it was ordered.
+fn motion_of(drive: &Value) -> String {
+    let action = word(&drive["failsafe"], "action");
+    let came = match drive["failsafe"]["stage"].as_str() {
+        Some("due") => format!("the declared action ({action}) is due and nothing was sent"),
+        Some("sent") => format!("the declared action ({action}) was sent and shows no effect yet"),
+        Some("given_up") => format!("the declared action ({action}) was given up"),
+        _ => String::new(),
+    };
+    let is = |key: &str, text: &str| if drive[key] == true { text.to_owned() } else { String::new() };
+    let outside = is("output_outside", "its output is outside the limits or far from the setpoint");
+    let parts = [outside, is("stopped_elsewhere", "stopped elsewhere: only a new order starts it"), came];
+    parts.iter().filter(|it| !it.is_empty()).map(|it| format!(", {}", toned(Tone::Problem, it))).collect()
 }
 
 /// What is said of the MQTT broker; empty without one.
@@ -389,6 +417,30 @@ mod tests {
         assert_eq!(unseen_row(&drive(Value::Null)), "drive pump-1 MAY STILL RUN; go to the drive\n");
         let report = report(&serde_json::json!({ "drives": [{ "name": "fan-2" }, drive(Value::Null)] }));
         assert!(report.find("MAY STILL RUN") < report.find("drive fan-2"), "{report}");
+    }
+
+    #[test]
+    fn a_gateway_whose_motor_may_run_unseen_is_not_in_order() {
+        let health = |may_still_run: bool, ready: bool| {
+            let drive = serde_json::json!({ "name": "pump-1", "was_read": true, "may_still_run": may_still_run });
+            serde_json::json!({ "ready": ready, "drives": [drive] })
+        };
+        assert_eq!(why_not_in_order(&health(false, true)), None);
+        assert_eq!(why_not_in_order(&health(false, false)).as_deref(), Some("not ready"));
+        for ready in [true, false] {
+            let why = why_not_in_order(&health(true, ready)).unwrap();
+            assert!(why.contains("may still run") && why.ends_with("go to pump-1"), "{why}");
+        }
+    }
+
+    #[test]
+    fn what_a_drive_does_against_its_order_is_named() {
+        let told = |key: &str, value: Value| drive_row(&serde_json::json!({ key: value }));
+        assert!(told("output_outside", true.into()).contains("outside the limits"));
+        assert!(told("stopped_elsewhere", true.into()).contains("stopped elsewhere"));
+        let stage = |stage: &str| told("failsafe", serde_json::json!({ "action": "stop", "stage": stage }));
+        assert!(stage("due").contains("the declared action (stop) is due"), "{}", stage("due"));
+        assert_eq!(stage("effective"), told("failsafe", Value::Null));
     }
 
     #[test]

@@ -41,6 +41,7 @@ mod setup;
 mod simulate;
 mod socket;
 mod standby;
+mod standstill;
 mod start_words;
 mod straight_write;
 mod target;
@@ -102,6 +103,8 @@ enum Command {
     Diagnose(diagnose::Args),
     /// Show which gateway sends on each line that two gateways share, or give lines to the other one
     Standby(standby::Args),
+    /// Confirm that the motor of a drive that may still run stands, after you have looked. Sends nothing to the drive
+    Standstill(standstill::Args),
     /// Reload the configuration of the running gateway atomically
     Reload(reload::Args),
     /// Show the journal: trips, commands and refusals, drives and lines going online and offline. The gateway may be running
@@ -193,6 +196,7 @@ pub fn main() -> ExitCode {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Diagnose(args) => diagnose::diagnose(&args),
         Command::Standby(args) => standby::standby(&args),
+        Command::Standstill(args) => standstill::standstill(&args),
         Command::Reload(args) => reload::reload(&args),
         Command::Journal(args) => journal::journal(&args),
         Command::Usage(args) => usage::usage(&args),

@@ -132,6 +132,7 @@ fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
     let file = read::read(text, &mut problems);
     let config = file.and_then(|file| resolve::resolve(&file, models, &mut problems));
     problems.sort_by_key(|problem| problem.span.start);
+    secrets::hide_in(&mut problems, text);
     match config {
         Some(config) if problems.iter().all(|problem| problem.is_warning) => {
             Ok(Config { digest: digest(text), warnings: problems, ..config })

@@ -1,12 +1,17 @@
 //! Hides what must not be shown of a configuration: its text is printed with its problems, and goes into diagnostics.
 
+use crate::domain::problem::{Problem, nearest};
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
 /// What begins the hash of a password.
 const HASH: &str = "$argon2";
-/// Parts of the names of keys whose values are secret. Names of files are not.
+/// Parts of the names of keys whose values are secret.
 const SECRET_KEYS: [&str; 4] = ["password", "passphrase", "secret", "token"];
+/// A shorter secret is hidden in a message only where it stands as a word: it may be a part of any other.
+const WORD_LEAST: usize = 4;
+/// What stands in a message for a secret.
+const HIDDEN: &str = "***";
 
 /// `text` with stars, byte for byte, in place of passwords that were put there by mistake, as a value or before the
 /// host of a URL, and of the hashes of passwords. What is shown may end up in a log.
@@ -15,29 +20,70 @@ const SECRET_KEYS: [&str; 4] = ["password", "passphrase", "secret", "token"];
 /// a text that is no TOML, are looked at line by line.
 #[must_use]
 pub fn without_secrets(text: &str) -> String {
-    let (root, errors) = DeTable::parse_recoverable(text);
-    let mut secrets = Secrets { text, spans: Vec::new() };
-    secrets.look_at_table(root.get_ref(), false);
+    let (secrets, is_broken) = Secrets::of(text);
     let mut shown = text.to_owned();
     for span in secrets.spans {
         shown = starred(&shown, span);
     }
-    by_line(&shown, !errors.is_empty())
+    by_line(&shown, is_broken)
 }
 
-/// The places of secrets in a parsed text.
+/// Hides the secrets of `text` in its `problems`, which may repeat a value.
+pub(super) fn hide_in(problems: &mut [Problem], text: &str) {
+    let words = Secrets::of(text).0.words;
+    for problem in problems {
+        let Problem { key, what, right, .. } = problem;
+        for said in [key, what].into_iter().chain(right) {
+            *said = words.iter().fold(std::mem::take(said), |said, word| without_word(said, word));
+        }
+    }
+}
+
+/// `said` without `secret`, in capitals or not.
+fn without_word(mut said: String, secret: &str) -> String {
+    let lower = secret.to_ascii_lowercase();
+    let mut from = 0;
+    while let Some(at) = said.get(from..).and_then(|rest| rest.to_ascii_lowercase().find(&lower)) {
+        let place = from + at..from + at + lower.len();
+        let (before, after) = (said[..place.start].chars().next_back(), said[place.end..].chars().next());
+        let is_part = [before, after].into_iter().flatten().any(char::is_alphanumeric);
+        if is_part && secret.len() < WORD_LEAST {
+            from = place.end;
+        } else {
+            from = place.start + HIDDEN.len();
+            said.replace_range(place, HIDDEN);
+        }
+    }
+    said
+}
+
+/// The secrets of a parsed text.
 struct Secrets<'a> {
     text: &'a str,
+    /// Their places.
     spans: Vec<Range<usize>>,
+    /// What they are, as it is meant and as it is written in a message; the longest first.
+    words: Vec<String>,
 }
 
-impl Secrets<'_> {
+impl<'a> Secrets<'a> {
+    /// Those of `text`, and whether it is no TOML.
+    fn of(text: &'a str) -> (Self, bool) {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        let mut secrets = Self { text, spans: Vec::new(), words: Vec::new() };
+        secrets.look_at_table(root.get_ref(), false);
+        secrets.words.retain(|word| !word.is_empty());
+        secrets.words.sort_by_key(|word| std::cmp::Reverse(word.len()));
+        (secrets, !errors.is_empty())
+    }
+
     fn look_at_table(&mut self, table: &DeTable<'_>, is_secret: bool) {
         for (key, value) in table {
             if key.get_ref().contains(HASH) {
-                self.spans.push(key.span());
+                self.hide(key.span(), key.get_ref());
             }
-            self.look_at(value, is_secret || is_secret_key(key.get_ref()));
+            let is_file = key.get_ref().ends_with("_file") && value.get_ref().as_str().is_some_and(is_path);
+            self.look_at(value, is_secret || is_secret_key(key.get_ref()) && !is_file);
         }
     }
 
@@ -46,25 +92,54 @@ impl Secrets<'_> {
             DeValue::Table(table) => self.look_at_table(table, is_secret),
             DeValue::Array(values) => values.iter().for_each(|value| self.look_at(value, is_secret)),
             DeValue::Boolean(_) => {}
-            DeValue::String(text) if !is_secret && !text.contains(HASH) => self.look_at_url(value.span(), text),
-            _ if is_secret => self.spans.push(value.span()),
-            DeValue::String(_) => self.spans.push(value.span()),
+            DeValue::String(text) if is_secret || text.contains(HASH) => self.hide(value.span(), text),
+            DeValue::String(text) => self.look_at_url(value.span(), text),
+            _ if is_secret => {
+                let written = self.text.get(value.span()).unwrap_or_default();
+                self.hide(value.span(), written);
+            }
             _ => {}
         }
     }
 
-    /// User and password of a URL, or all of it where they are not written as they are meant.
+    fn hide(&mut self, span: Range<usize>, secret: &str) {
+        self.spans.push(span);
+        self.words.extend([secret.trim().to_owned(), secret.trim().escape_debug().to_string()]);
+    }
+
+    /// The user, the password and the query of a URL, or all of it where they are not written as they are meant.
     fn look_at_url(&mut self, span: Range<usize>, value: &str) {
-        let Some(user) = user_in(value).and_then(|user| value.get(user)) else { return };
-        let written = self.text.get(span.clone()).and_then(|written| written.find(user));
-        let place = written.map(|at| span.start + at..span.start + at + user.len());
-        self.spans.push(place.unwrap_or(span));
+        for secret in [user_in_value(value), query_in(value)].into_iter().flatten() {
+            let written = self.text.get(span.clone()).and_then(|written| written.find(secret));
+            let place = written.map(|at| span.start + at..span.start + at + secret.len());
+            self.hide(place.unwrap_or_else(|| span.clone()), secret);
+            // A message may name a part.
+            self.words.extend(secret.split([':', '@', '&', '=']).skip(1).map(str::to_owned));
+        }
     }
 }
 
+/// Whether the value of a key may be the name of a file, and not what belongs into it.
+fn is_path(value: &str) -> bool {
+    value.starts_with('/')
+}
+
+/// Whether `key` is or may be meant as one whose value is secret.
 fn is_secret_key(key: &str) -> bool {
     let key = key.to_ascii_lowercase();
-    SECRET_KEYS.iter().any(|word| key.contains(word)) && !key.ends_with("_file")
+    let is_near =
+        |part: &str| nearest(part, SECRET_KEYS).is_some() || ["pass", "pw"].iter().any(|it| part.starts_with(it));
+    SECRET_KEYS.iter().any(|word| key.contains(word)) || key.split(['_', '-', '.', ' ']).any(is_near)
+}
+
+/// The user and the password before the host, also where the scheme is misspelt.
+fn user_in_value(value: &str) -> Option<&str> {
+    value.get(user_in(value).unwrap_or(0..value.rfind('@')?))
+}
+
+/// The query of a URL.
+fn query_in(value: &str) -> Option<&str> {
+    value.split_once('?').map(|(_, query)| query).filter(|query| !query.is_empty())
 }
 
 /// `text` with stars in place of `span`, line ends aside, so that all lines stay where they are.
@@ -81,7 +156,7 @@ fn by_line(text: &str, is_broken: bool) -> String {
     let lines = text.split_inclusive('\n').map(|line| {
         let is_comment = line.trim_start().starts_with('#');
         // The rest of a value that began in a line before.
-        goes_on &= (is_broken || is_comment) && !begins_anew(line);
+        goes_on &= (is_broken || is_comment) && !begins_entry(line);
         if goes_on {
             return starred(line, 0..line.len());
         }
@@ -93,7 +168,7 @@ fn by_line(text: &str, is_broken: bool) -> String {
 }
 
 /// Whether `line` begins with a header or a key, also behind the mark of a comment.
-fn begins_anew(line: &str) -> bool {
+fn begins_entry(line: &str) -> bool {
     let line = line.trim_start_matches([' ', '\t', '#']);
     let is_of_key = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '_' | '.');
     let key = line.split_once(" = ").map(|(key, _)| key.trim());
@@ -148,6 +223,42 @@ mod tests {
         );
         assert!(!shown.contains("user") && shown.contains("@host\" # x") && shown.contains("/run/pw"), "{shown}");
         assert!(shown.contains("name = \"a\"") && shown.contains("allow_plain_password = true"), "{shown}");
+    }
+
+    #[test]
+    fn no_message_repeats_what_is_or_may_be_a_secret() {
+        let line = "[[line]]\nname = \"a\"\nport = \"PORT\"\n[[line.drive]]\nname = \"d\"\nmodel = \"hyundai-n700\"\nstation = 1\n";
+        let http = "[http]\nlisten = \"127.0.0.1:8080\"\n[[http.users]]\nname = \"anna\"\n";
+        let port = |port: &str| line.replace("PORT", port);
+        let usual = port("/dev/ttyUSB0");
+        for text in [
+            port("tcp://u:Hunter2@127.0.0.1:4001"),
+            port("tcp://u:Hunter2@127.0.0.1:4001x"),
+            port("tcp//u:hunter2@127.0.0.1"),
+            format!("{usual}[mqtt]\nbroker = \"mqtt://host:1883?password=hunter2\"\n"),
+            format!("{usual}[mqtt]\nbroker = \"mqtt:user:hunter2@broker\"\nalso_at = [\"mqtt://x:hunter3@y:z\"]\n"),
+            format!("{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npassword_file = \"hunter2\"\n"),
+            format!("{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npassword_env = \"hunter2 x\"\n"),
+            format!("{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npasword = \"hunter2\"\n"),
+            format!("{usual}{http}pasword_hash = \"hunter2\"\npw = \"hunter3\"\n"),
+            format!("{usual}{http}password_hash = \"hunter2\"\n"),
+            format!("{usual}{http}password_hash_file = \"hunter2\"\n"),
+        ] {
+            shown(&text);
+            let problems = crate::config::load(&text, &crate::vendors::catalog()).unwrap_err();
+            let said = format!("{problems:?}").to_lowercase();
+            assert!(!said.contains("hunter2"), "{text}: {said}");
+        }
+        let known = crate::config::keys::KEYS.iter().map(|key| key.name).filter(|key| is_secret_key(key));
+        assert!(known.clone().all(|key| key.contains("password")), "{:?}", known.collect::<Vec<_>>());
+        let file = "password_file = \"/run/secrets/mqtt\"\n";
+        assert_eq!(without_secrets(file), file);
+    }
+
+    #[test]
+    fn a_short_secret_is_hidden_as_a_word() {
+        assert_eq!(without_word("`ab` is no table".to_owned(), "ab"), "`***` is no table");
+        assert_eq!(without_word("Hunter2 and hunter2s".to_owned(), "hunter2"), "*** and ***s");
     }
 
     #[test]

@@ -82,7 +82,7 @@ struct Client {
     /// When a read last renewed a lease, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
     listener: Rc<Listener>,
-    router: RefCell<Rc<Router>>,
+    router: RefCell<Arc<Router>>,
     /// Why it is to be closed, if it is.
     dismissed: Cell<Option<Dismissal>>,
     server: Weak<Server>,
@@ -300,7 +300,8 @@ impl Client {
         }
         let now = clock::now();
         let has_waited = self.stalls.may_have_waited(now, self.emptied.get());
-        if (1..READ_BYTES).contains(&bytes.len()) {
+        // What a serial port held through a stall comes in several messages.
+        if (1..READ_BYTES).contains(&bytes.len()) && !matches!(self.stream, Stream::Master(..)) {
             self.emptied.set(now);
         }
         let opened = self.stream.open(bytes, |plain| self.serve_bytes(now, plain, has_waited));
@@ -319,8 +320,8 @@ impl Client {
         self.machine.borrow_mut().next_kept()
     }
 
-    fn router(&self) -> Rc<Router> {
-        Rc::clone(&self.router.borrow())
+    fn router(&self) -> Arc<Router> {
+        Arc::clone(&self.router.borrow())
     }
 
     /// Applies what its listener grants now.

@@ -8,6 +8,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
+use vfd_gateway::wire::rtu;
 
 const PATIENCE: Duration = Duration::from_secs(20);
 /// A busy host may need longer for an answer than a master usually waits.
@@ -91,6 +92,13 @@ impl Plant {
     }
 }
 
+/// The frame of `pdu` for unit 101.
+fn framed(pdu: &[u8]) -> Vec<u8> {
+    let mut frame = Vec::new();
+    rtu::encode(&mut frame, 101, |out| out.extend_from_slice(pdu));
+    frame
+}
+
 fn noise(port: &Path, bytes: &[u8]) {
     terminal(port).write_all(bytes).unwrap();
 }
@@ -125,6 +133,24 @@ fn a_serial_master_reads_starts_and_stops_a_drive_between_noise() {
     let polled = mbpoll_output(&mut command);
     // Bit 0 of the status says that the drive is online.
     assert!(polled.values.len() == 2 && polled.values[0] & 1 == 1, "{}", polled.text);
+}
+
+#[test]
+fn a_stop_is_executed_though_another_request_comes_with_it() {
+    let plant = Plant::new("2", PATIENT);
+    let master = plant.place.file("master");
+    starts_and_stops(&plant, &[]);
+    let (stop, run, read) = (framed(&[6, 1, 0, 0, 0]), framed(&[6, 1, 0, 0, 1]), framed(&[3, 0, 0, 0, 1]));
+    until("that it starts again", PATIENCE, || {
+        (plant.ask(&[], &["write:101:256:1"]) == [json!({ "words": [1] })]).then_some(())
+    });
+    until("that it runs", PATIENCE, || (plant.run_state(&[]) == 2).then_some(()));
+    noise(&master, &[&stop[..], &read].concat());
+    until("that it stops", PATIENCE, || (plant.run_state(&[]) == 1).then_some(()));
+    // What the master has given up starts nothing.
+    noise(&master, &[&run[..], &read].concat());
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(plant.ask(&[], &["read:101:256:1", "read:101:2:1"]), [json!({ "words": [0] }), json!({ "words": [1] })]);
 }
 
 #[test]

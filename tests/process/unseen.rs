@@ -43,16 +43,29 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     browser.wait("document.querySelector('#advice').textContent.includes('nothing was sent yet')");
     let advice = browser.text("#advice");
     assert!(!advice.contains("commander was lost") && !advice.contains("carried out"), "{advice}");
+    browser.wait_for_text(&in_card(".owner"), "its renewals are refused");
     let owner = browser.text(&in_card(".owner"));
-    assert!(!owner.contains("order"), "{owner}");
+    assert!(!owner.contains("order") && !owner.contains("renewed every"), "{owner}");
+    browser.wait_for_text(&in_card(".unseen-run"), "fail-safe action due, not sent");
+    browser.wait_for_text("#counts [data-state='may_still_run']", "1 may still run");
     assert_no_program_words(&browser);
     let health = vfd_gateway(&["health", "-c", shop.file.to_str().unwrap()]);
     let health = String::from_utf8_lossy(&health.stdout).into_owned();
     assert!(health.contains("drive pump-1 MAY STILL RUN: last seen forward at 10.00 Hz, "), "{health}");
-    for window in [Window::PHONE, WIDE] {
+    assert!(health.contains("the declared action (stop) is due"), "{health}");
+    assert_ne!(vfd_gateway(&["health", "-c", shop.file.to_str().unwrap()]).status.code(), Some(0));
+    for (window, is_there) in [(Window::PHONE, "innerWidth === 390"), (WIDE, "innerWidth > 1000")] {
         browser.resize(window);
+        browser.wait(is_there);
         assert_fits(&browser, ".unseen-run");
+        let is_whole = format!(
+            "(({{ scrollHeight, clientHeight }}) => scrollHeight <= clientHeight)(document.querySelector({:?}))",
+            in_card(".unseen-run")
+        );
+        browser.wait(&is_whole);
+        assert_each_problem_is_reached(&browser);
     }
+    a_pending_stop_is_told_until_it_has_acted(&browser);
     browser.hold(&mark(&browser, "I looked"));
     browser.wait("!document.querySelector('#drive-pump-1 .unseen-run').checkVisibility()");
     assert_eq!(control(&shop)["stop_pending"], true, "it cancels nothing");
@@ -66,6 +79,47 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     // The browser tells of each renewal that is refused.
     let others: Vec<_> = browser.complaints().into_iter().filter(|it| !it.contains("/lease - ")).collect();
     assert_eq!(others, Vec::<String>::new());
+}
+
+/// The first of the problems is whole at once, and what is below is counted as long as there is some.
+fn assert_each_problem_is_reached(browser: &Browser) {
+    let below = "const box = document.querySelector('#advice'); const all = [...box.querySelectorAll('li')]; \
+                 const end = box.getBoundingClientRect().bottom + 1; \
+                 const below = all.filter((it) => it.getBoundingClientRect().bottom > end).length;";
+    browser.script("document.querySelector('#advice').scrollTop = 0");
+    let shown = format!(
+        "(() => {{ {below} const more = document.querySelector('.below'); \
+         return below < all.length && more.checkVisibility() === (below > 0) && (below === 0 || more.textContent.includes(below)); }})()"
+    );
+    browser.wait(&shown);
+    while browser.script(&format!("{below} return below > 0")) == true {
+        let before = browser.script("return document.querySelector('#advice').scrollTop");
+        browser.click(".below");
+        browser.wait(&format!("document.querySelector('#advice').scrollTop > {before}"));
+    }
+    browser.wait("!document.querySelector('.below').checkVisibility()");
+}
+
+/// The drive itself stays away: what the gateway would tell of it is put in its place.
+fn a_pending_stop_is_told_until_it_has_acted(browser: &Browser) {
+    browser.click(&in_card(".stop"));
+    browser.wait_for_text(&in_card(".result"), "unknown");
+    browser.wait_for_text(&in_card(".unseen-run"), "stop pending");
+    let news = "import('/assets/drives.js').then(({ all, update }) => { const { name, control } = all()[0]; \
+                const tell = (news) => update([{ name, ...news }]); \
+                tell({ control: { ...control, stop_pending: true } }); \
+                tell({ run_state: 'stopped', control: { ...control, stop_pending: false } }); \
+                const result = document.querySelector('#drive-pump-1 .result').textContent; \
+                tell({ may_still_run: false, output_frequency_hz: 60, control: { ...control, output_outside: true, stopped_elsewhere: true } }); \
+                const marks = document.querySelector('#drive-pump-1 .marks').innerText; \
+                tell({ may_still_run: true, run_state: 'offline', control }); return [result, marks]; })";
+    let told = browser.script(&format!("return {news}"));
+    let (result, marks) = (told[0].as_str().unwrap(), told[1].as_str().unwrap());
+    assert!(result.contains("has taken effect"), "{told}");
+    assert!(
+        marks.contains("output 60.00 Hz is not as ordered, limits") && marks.contains("stopped elsewhere"),
+        "{told}"
+    );
 }
 
 /// Each of these elements that is seen shows its text whole, inside the window.

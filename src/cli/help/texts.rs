@@ -131,7 +131,7 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         ],
     )
     .exits(
-        "0 ready (with --alive: alive, with --active: active), 1 not ready or not reachable, 2 wrong usage or configuration",
+        "0 ready (with --alive: alive, with --active: active), 1 not ready, not reachable, or a motor may still run unseen, 2 wrong usage or configuration",
     ),
     help(
         "standby",
@@ -158,6 +158,14 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         ],
     )
     .exits("0 handed over, or nothing to hand over; 1 not handed over or not reachable; 2 wrong usage, or no such line"),
+    help(
+        "standstill",
+        "For a drive that is out of sight and was not seen at standstill. Shows what was last seen of it and asks whether you \
+         have looked. The audit keeps that it was confirmed. A stop that is pending stays pending, and is sent when the drive \
+         is back.",
+        &[("vfd-gateway standstill pump-1 -c vfd-gateway.toml", "confirm it, after you have gone to the drive")],
+    )
+    .exits("0 confirmed; 1 nothing to confirm, or not reachable; 2 wrong usage, or no such drive"),
     help(
         "diagnose",
         "The archive has what the gateway knows: its configuration with stars in place of passwords, the newest lines of the \

@@ -11,7 +11,6 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::drive::view::DriveView;
 use crate::north::modbus::{Ask, Uniform, native, own};
-use std::rc::Rc;
 use std::sync::Arc;
 
 /// Units that a request can address.
@@ -21,7 +20,7 @@ const UNITS: usize = 256;
 #[derive(Clone, Debug)]
 pub struct Units {
     shared: Arc<Shared>,
-    uniform: Rc<[Uniform]>,
+    uniform: Arc<[Uniform]>,
     started: MonoTime,
 }
 

@@ -71,6 +71,8 @@ fn drive(drive: &SharedDrive, now: MonoTime) -> Value {
         "may_still_run": view.sight.may_still_run,
         "last_seen": shown::last_seen(&view, &Clock::new(clock::moment())),
         "failsafe": shown::fail_safe(view.control.as_ref(), &Clock::new(clock::moment())),
+        "output_outside": view.control.as_ref().map(|control| control.output_outside),
+        "stopped_elsewhere": view.control.as_ref().map(|control| control.stopped_elsewhere),
         "warning": warning_text(description, &view, now),
         "undocumented_state": view.status.undocumented.map(|it| format!("{} holds {}", it.address, it.word)),
         "refused": view.refused.iter().map(|it| refused(&description.model, it)).collect::<Vec<_>>(),

@@ -4,6 +4,7 @@
 mod serving;
 
 use crate::config::{PortAddress, SerialMasterSettings};
+use crate::daemon::exchange::router::Router;
 use crate::daemon::exchange::totals::SerialTotals;
 use crate::daemon::host::timer::Timer;
 use crate::daemon::modbus_server::{Listener, Master, Server};
@@ -23,16 +24,14 @@ use tokio::time::sleep;
 /// Connections to the server that wait to be served: a port that is opened again brings one.
 const CONNECTIONS_MAX: usize = 4;
 
-/// The units that answer at a port, by number.
-pub(super) type UnitSet = [bool; 256];
-
 /// A served port. It is closed when this is dropped.
 #[derive(Debug)]
 pub struct SerialMaster {
     /// Its settings.
     pub settings: SerialMasterSettings,
     listener: Rc<Listener>,
-    units: Arc<ArcSwap<UnitSet>>,
+    /// Where the units lead to that answer at the port.
+    router: Arc<ArcSwap<Router>>,
     /// Shown as long as the port is served, also while it cannot be opened.
     _totals: Arc<SerialTotals>,
     task: AbortHandle,
@@ -56,18 +55,18 @@ impl SerialMaster {
         server: &Rc<Server>,
         lock_dirs: Vec<PathBuf>,
     ) -> io::Result<Self> {
-        let units = Arc::new(ArcSwap::from_pointee(units_of(&listener)));
+        let router = Arc::new(ArcSwap::new(listener.router()));
         let totals = Arc::new(SerialTotals::new(settings.name.to_string()));
         server.totals().serial().show(&totals);
         server.totals().reads().show(listener.reads());
         let (connections, mut opened) = mpsc::channel::<UnixStream>(CONNECTIONS_MAX);
         let port = port_settings(&settings, lock_dirs);
-        let thread = (settings.clone(), Arc::clone(&units));
+        let thread = (settings.clone(), Arc::clone(&router));
         let counts = Arc::clone(&totals);
         std::thread::Builder::new().name(format!("serial {}", settings.name)).spawn(move || {
-            let (settings, units) = thread;
+            let (settings, router) = thread;
             let name = settings.name;
-            if let Err(error) = run(settings, &port, units, connections, counts) {
+            if let Err(error) = run(settings, &port, router, connections, counts) {
                 tracing::error!(master = %name, %error, "cannot start the thread of a serial master");
             }
         })?;
@@ -83,7 +82,7 @@ impl SerialMaster {
                 }
             }
         });
-        Ok(Self { settings, listener, units, _totals: totals, task: task.abort_handle() })
+        Ok(Self { settings, listener, router, _totals: totals, task: task.abort_handle() })
     }
 
     /// Its listener, whose settings may change while the port stays open.
@@ -95,14 +94,8 @@ impl SerialMaster {
     /// Notes that the units of its listener have changed.
     pub fn changed(&mut self, settings: SerialMasterSettings) {
         self.settings = settings;
-        self.units.store(Arc::new(units_of(&self.listener)));
+        self.router.store(self.listener.router());
     }
-}
-
-fn units_of(listener: &Listener) -> UnitSet {
-    let router = listener.router();
-    // A broadcast is not addressed to a unit.
-    std::array::from_fn(|unit| unit > 0 && u8::try_from(unit).is_ok_and(|unit| router.find(unit).is_some()))
 }
 
 fn port_settings(settings: &SerialMasterSettings, lock_dirs: Vec<PathBuf>) -> PortSettings {
@@ -120,14 +113,14 @@ fn port_settings(settings: &SerialMasterSettings, lock_dirs: Vec<PathBuf>) -> Po
 fn run(
     settings: SerialMasterSettings,
     port: &PortSettings,
-    units: Arc<ArcSwap<UnitSet>>,
+    router: Arc<ArcSwap<Router>>,
     connections: mpsc::Sender<UnixStream>,
     totals: Arc<SerialTotals>,
 ) -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let ended = runtime.block_on(async {
         let timer = Timer::new()?;
-        let mut task = Task { settings, units, connections, totals, timer };
+        let mut task = Task { settings, router, connections, totals, timer };
         open_and_serve(port, &mut task).await;
         Ok(())
     });

@@ -1,14 +1,15 @@
 //! Serving an open port: bytes to the slave, its requests to the server, and answers back.
 
-use super::UnitSet;
 use crate::config::SerialMasterSettings;
+use crate::daemon::exchange::router::Router;
 use crate::daemon::exchange::totals::SerialTotals;
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
 use crate::daemon::host::timer::Timer;
 use crate::daemon::port::Port;
 use crate::domain::link::PortKind;
-use crate::north::modbus::serial::{Slave, SlaveCounters, SlaveSettings};
+use crate::north::modbus::parse;
+use crate::north::modbus::serial::{Slave, SlaveCounters, SlaveRequest, SlaveSettings};
 use crate::wire::mbap;
 use arc_swap::ArcSwap;
 use std::future::poll_fn;
@@ -36,7 +37,7 @@ pub(super) enum Gone {
 /// What a thread serves its port with.
 pub(super) struct Task {
     pub settings: SerialMasterSettings,
-    pub units: Arc<ArcSwap<UnitSet>>,
+    pub router: Arc<ArcSwap<Router>>,
     pub connections: mpsc::Sender<std::os::unix::net::UnixStream>,
     pub totals: Arc<SerialTotals>,
     pub timer: Timer,
@@ -95,13 +96,17 @@ impl Task {
         let ends = self.connections.clone();
         let mut ended = pin!(ends.closed());
         loop {
-            let units = self.units.load_full();
-            let is_ours = |unit: u8| units.get(usize::from(unit)) == Some(&true);
+            let router = self.router.load_full();
+            // A broadcast is not addressed to a unit.
+            let is_ours = |unit: u8| unit > 0 && router.find(unit).is_some();
             answered(server, &mut answers, slave)?;
             // Last before a frame: nothing is sent on top of bytes that have just arrived.
             let has_more = drain(device, &mut buffer, slave, &is_ours)?;
             slave.tick(clock::now(), &is_ours);
             while let Some(request) = slave.next_request() {
+                if !request.is_awaited && !is_stop(&router, &request) {
+                    continue;
+                }
                 let mut message = Vec::new();
                 mbap::encode(&mut message, request.number, request.unit, |out| out.extend_from_slice(&request.pdu));
                 match server.try_write(&message) {
@@ -147,6 +152,11 @@ impl Task {
         })
         .await
     }
+}
+
+/// Whether `request` orders something to stop.
+fn is_stop(router: &Router, request: &SlaveRequest) -> bool {
+    parse(&request.pdu).is_ok_and(|ask| router.is_stop(request.unit, &ask))
 }
 
 /// Takes the answers of the server.

@@ -19,7 +19,7 @@ use std::time::Duration;
 pub struct Listener {
     /// `None` if it was removed.
     settings: RefCell<Option<ListenerSettings>>,
-    router: RefCell<Rc<Router>>,
+    router: RefCell<Arc<Router>>,
     /// `None` if connections are not encrypted.
     security: RefCell<Option<Rc<Security>>>,
     room: OnceCell<RoomId>,
@@ -56,7 +56,7 @@ impl Listener {
         Rc::new(Self {
             reads: Arc::new(ReadTotals::new(name)),
             settings: RefCell::new(Some(settings)),
-            router: RefCell::new(Rc::new(router)),
+            router: RefCell::new(Arc::new(router)),
             security: RefCell::new(security.map(Rc::new)),
             room: OnceCell::new(),
         })
@@ -65,7 +65,7 @@ impl Listener {
     /// Replaces its settings.
     pub fn change(&self, settings: ListenerSettings, router: Router, security: Option<Security>) {
         self.settings.replace(Some(settings));
-        self.router.replace(Rc::new(router));
+        self.router.replace(Arc::new(router));
         self.security.replace(security.map(Rc::new));
     }
 
@@ -75,8 +75,8 @@ impl Listener {
     }
 
     /// Where its units lead to.
-    pub fn router(&self) -> Rc<Router> {
-        Rc::clone(&self.router.borrow())
+    pub fn router(&self) -> Arc<Router> {
+        Arc::clone(&self.router.borrow())
     }
 
     /// Counts of its native reads.

@@ -2,15 +2,20 @@
 //! for the gateway's units and frames for the master come out.
 //!
 //! A request ends with 3.5 characters of silence, or in ASCII with CR LF. Until the answer must have begun, at most one
-//! request is open; what is answered later is thrown away, so that it cannot be taken for the answer to the next one.
+//! request is open; what is answered later is thrown away, so that it cannot be taken for the answer to the next one. A
+//! write that others followed before it was taken out comes out too: it may be a stop, which counts wherever it stands.
 
+mod counters;
 mod frames;
+
+pub use counters::SlaveCounters;
 
 use super::function as client;
 use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::time::MonoTime;
 use crate::wire::pdu::function;
 use crate::wire::{ascii, exception, framing, rtu};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 /// The silence around frames in characters (Modbus over serial line V1.02, 2.5.1.1).
@@ -74,25 +79,9 @@ pub struct SlaveRequest {
     pub unit: u8,
     /// Function code and data.
     pub pdu: Vec<u8>,
-}
-
-/// What a slave has counted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SlaveCounters {
-    /// Requests for the gateway's units.
-    pub requests: u64,
-    /// Exceptions that the slave sent because there was no answer in time.
-    pub not_in_time: u64,
-    /// Answers that came too late and were thrown away.
-    pub late: u64,
-    /// Frames that were damaged, and noise.
-    pub damaged: u64,
-    /// Requests and replies of other slaves on the bus.
-    pub foreign: u64,
-    /// Broadcasts, which are ignored.
-    pub broadcasts: u64,
-    /// Bytes of others that arrived while a reply was being sent.
-    pub collisions: u64,
+    /// Whether the master waits for its answer: nothing came behind it. Of the others only a stop may be executed, since
+    /// the master has given them up.
+    pub is_awaited: bool,
 }
 
 /// The open request.
@@ -132,7 +121,8 @@ pub struct Slave {
     is_checked: bool,
     /// What arrives until the next silence has collided with a reply.
     is_spoilt: bool,
-    request: Option<SlaveRequest>,
+    /// In order of arrival: writes, and last the open request.
+    requests: VecDeque<SlaveRequest>,
     open: Option<Open>,
     sent: Option<Sent>,
     /// Whether the last reply came back as an echo; `None` before the first.
@@ -152,7 +142,7 @@ impl Slave {
             busy_until: now,
             is_checked: true,
             is_spoilt: false,
-            request: None,
+            requests: VecDeque::new(),
             open: None,
             sent: None,
             echoes: None,
@@ -177,8 +167,7 @@ impl Slave {
         }
         self.bytes.extend_from_slice(&rest);
         self.is_checked = false;
-        let excess = self.bytes.len().saturating_sub(KEPT_MAX);
-        self.bytes.drain(..excess);
+        self.make_room(is_ours);
         if self.settings.framing == Framing::Ascii {
             self.check_ascii(now, is_ours);
         }
@@ -204,7 +193,7 @@ impl Slave {
 
     /// The next request for a unit of the gateway.
     pub fn next_request(&mut self) -> Option<SlaveRequest> {
-        self.request.take()
+        self.requests.pop_front()
     }
 
     /// Answers the request `number` with a PDU. One that is not open any more is thrown away.
@@ -314,18 +303,42 @@ impl Slave {
         let whole = rtu::decode(&self.bytes).map(|(unit, pdu)| (unit, pdu.to_vec()));
         let is_of_others = whole.as_ref().is_some_and(|(unit, _)| !is_ours(*unit));
         // What drivers add that are switched on or off, directly before or behind a request, does not cost the request. A
-        // zero behind a sound frame leaves the check of the whole right.
-        if !is_of_others && let Some((place, (unit, pdu))) = frames::request_in(&self.bytes, is_ours) {
-            self.counters.damaged += u64::from(place.start > 0);
-            // What is behind it may be the beginning of the next one.
-            self.bytes.drain(..place.end);
-            return self.take_frame(end, unit, pdu, is_ours);
+        // zero behind a sound frame leaves the check of the whole right. What is behind may be the beginning of the next.
+        if !is_of_others && self.take_requests(end, is_ours) {
+            return;
         }
         // The length of some functions only silence tells, and a request may be longer than its function says.
         if let Some((unit, pdu)) = whole {
             self.bytes.clear();
             self.take_frame(end, unit, pdu, is_ours);
         }
+    }
+
+    /// Takes the requests between which there is anything else, with all before the last one's end. One that too much
+    /// follows is not answered. Returns whether there was any.
+    fn take_requests(&mut self, end: MonoTime, is_ours: &dyn Fn(u8) -> bool) -> bool {
+        let requests = frames::requests_in(&self.bytes, is_ours);
+        let mut used = 0;
+        for (place, (unit, pdu)) in requests {
+            self.counters.damaged += u64::from(place.start > used);
+            used = place.end;
+            self.take_frame(end, unit, pdu, is_ours);
+        }
+        if self.bytes.len() - used > frames::BEHIND_MAX {
+            self.end_wait();
+        }
+        self.bytes.drain(..used);
+        used > 0
+    }
+
+    /// Pushes out the oldest bytes if there are too many, but not the requests in them: they may have waited for seconds.
+    fn make_room(&mut self, is_ours: &dyn Fn(u8) -> bool) {
+        if self.settings.framing == Framing::Rtu && self.bytes.len() > KEPT_MAX {
+            self.take_requests(self.busy_until, is_ours);
+            self.end_wait();
+        }
+        let excess = self.bytes.len().saturating_sub(KEPT_MAX);
+        self.bytes.drain(..excess);
     }
 
     fn check_ascii(&mut self, now: MonoTime, is_ours: &dyn Fn(u8) -> bool) {
@@ -347,8 +360,7 @@ impl Slave {
     /// Takes a sound frame whose last byte arrived at `end`.
     fn take_frame(&mut self, end: MonoTime, unit: u8, pdu: Vec<u8>, is_ours: &dyn Fn(u8) -> bool) {
         // A master that sends no longer waits for an earlier answer.
-        self.open = None;
-        self.request = None;
+        self.end_wait();
         if unit == BROADCAST {
             self.counters.broadcasts += 1;
             return;
@@ -365,7 +377,16 @@ impl Slave {
         let sending = exception_time(self.settings.link, self.settings.framing);
         let due = end + wait.saturating_sub(sending + MARGIN).max(self.silence);
         self.open = Some(Open { number, unit, function, due, latest: due.max(end + wait), answer: None });
-        self.request = Some(SlaveRequest { number, unit, pdu });
+        self.requests.push_back(SlaveRequest { number, unit, pdu, is_awaited: true });
+    }
+
+    /// Answers none of the requests so far. What does not write has no use any more.
+    fn end_wait(&mut self) {
+        self.open = None;
+        self.requests.retain_mut(|request| {
+            request.is_awaited = false;
+            request.pdu.first().is_some_and(|function| client::writes(*function))
+        });
     }
 }
 

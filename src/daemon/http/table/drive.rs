@@ -154,6 +154,9 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
         "1 while the output was seen outside the limits or far from the setpoint, and not right since.",
         |view| of_control(view, |control| control.output_outside),
     ),
+    gauge("drive_stopped_elsewhere", "1 while the drive was found stopped in spite of its order to run.", |view| {
+        of_control(view, |control| control.stopped_elsewhere)
+    }),
     gauge("drive_not_effective", "1 while a stop had no effect in time.", |view| {
         of_control(view, |control| control.not_effective)
     }),

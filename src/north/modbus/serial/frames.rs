@@ -8,7 +8,7 @@ use crate::wire::rtu;
 use std::ops::Range;
 
 /// Most bytes behind a request that do not cost it: no other frame is as short.
-const BEHIND_MAX: usize = 3;
+pub(super) const BEHIND_MAX: usize = 3;
 
 /// Unit and PDU of a frame.
 type Frame = (u8, Vec<u8>);
@@ -37,14 +37,23 @@ pub(super) fn all_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Option<Vec<F
     Some(frames)
 }
 
-/// The request for one of the gateway's units in `bytes` that has noise before it, or little of it behind it.
-pub(super) fn request_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Option<(Range<usize>, Frame)> {
-    (0..bytes.len()).find_map(|start| {
-        let rest = bytes.get(start..).filter(|rest| rest.first().is_some_and(|unit| is_ours(*unit)))?;
-        let length = request_adu_bytes(rest).filter(|length| rest.len().saturating_sub(*length) <= BEHIND_MAX)?;
-        let (frame, length) = framed(rest, length)?;
-        Some((start..start + length, frame))
-    })
+/// The requests for the gateway's units in `bytes`, in order, with noise or frames of others between them.
+pub(super) fn requests_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Vec<(Range<usize>, Frame)> {
+    let mut requests = Vec::new();
+    let mut start = 0;
+    while let Some(rest) = bytes.get(start..)
+        && let Some(unit) = rest.first()
+    {
+        let length = if is_ours(*unit) { request_adu_bytes(rest) } else { None };
+        match length.and_then(|length| framed(rest, length)) {
+            Some((frame, length)) => {
+                requests.push((start..start + length, frame));
+                start += length;
+            }
+            None => start += 1,
+        }
+    }
+    requests
 }
 
 /// The reply to the function of a unit at the beginning of `bytes`, with its length.

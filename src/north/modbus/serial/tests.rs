@@ -339,3 +339,38 @@ fn the_least_time_leaves_room_for_silence_and_exception() {
     assert!(least_answer_within(slow, Framing::Rtu) > Duration::from_millis(100));
     assert_eq!(silence(LinkSettings { baud: 115_200, ..LINK }, Framing::Rtu), SILENCE_FAST);
 }
+
+/// All requests that wait to be taken out, in order.
+fn taken_out(slave: &mut Slave) -> Vec<Vec<u8>> {
+    std::iter::from_fn(|| slave.next_request()).map(|request| request.pdu).collect()
+}
+
+#[test]
+fn a_stop_counts_wherever_it_stands_in_a_piece() {
+    let (stop, other, read, foreign) = (frame(1, &STOP), frame(101, &STOP), frame(1, &READ), frame(7, &READ));
+    let damaged = [&read[..5], &[0x33, 0x44]].concat();
+    for (pieces, stops) in [
+        (vec![&stop, &read], 1),
+        (vec![&stop, &other], 2),
+        (vec![&stop, &foreign], 1),
+        (vec![&foreign, &stop, &foreign], 1),
+        (vec![&stop, &damaged, &read], 1),
+        (vec![&damaged, &stop, &damaged], 1),
+        (vec![&stop, &foreign, &damaged, &other, &read], 2),
+        // A port that was read again after seconds has far more than is kept.
+        ([vec![&stop], vec![&read; 200], vec![&other], vec![&foreign; 200]].concat(), 2),
+    ] {
+        let bytes: Vec<u8> = pieces.into_iter().flatten().copied().collect();
+        let mut slave = slave(Framing::Rtu);
+        for piece in bytes.chunks(512) {
+            slave.received(at(10_000), piece, &ours);
+        }
+        slave.tick(at(13_700), &ours);
+        slave.tick(at(60_000), &ours);
+        let found = taken_out(&mut slave).iter().filter(|pdu| pdu[..] == STOP).count();
+        assert_eq!(found, stops, "{bytes:02X?}");
+    }
+    let mut slave = slave(Framing::Ascii);
+    slave.received(at(10_000), &[text(1, &STOP), text(1, &READ)].concat(), &ours);
+    assert_eq!(taken_out(&mut slave), [&STOP[..], &READ]);
+}

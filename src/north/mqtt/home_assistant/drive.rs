@@ -18,7 +18,8 @@ const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
                         {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
 /// What was last seen of a drive that is out of sight.
 const LAST_SEEN: &str = "{% set seen = value_json.last_seen if value else None %}\
-                         {{ ('in sight' if value else 'unknown') if not seen else seen.run_state ~ (' ' ~ seen.output_hz ~ ' Hz' if seen.output_hz is not none) ~ ', ' ~ seen.at }}";
+                         {{ 'unknown' if not value else 'in sight' if value_json.online else 'nothing' if not seen \
+                         else seen.run_state ~ (' ' ~ seen.output_hz ~ ' Hz' if seen.output_hz is not none else '') ~ ', ' ~ seen.at }}";
 /// A topic that is cleared while control has no owner could not say so to later subscribers.
 const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'unknown' }}";
 const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";

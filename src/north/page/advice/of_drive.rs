@@ -3,6 +3,7 @@
 use super::Advice;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
+use crate::domain::fail_safe::FailSafeStage;
 use crate::domain::link::Interface;
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::Presence;
@@ -170,7 +171,10 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
     }
     if let Some(run) = control.failsafe {
         let sign = if run.cause.is_lost_commander() { Sign::CommanderLost } else { Sign::FailSafe };
-        said.say(sign, fail_safe_text(run));
+        // Until the drive has shown the effect, its motor may go on.
+        let is_effective = matches!(run.stage, FailSafeStage::Effective | FailSafeStage::NotNeeded);
+        let severity = if is_effective { sign.severity() } else { Severity::Problem };
+        said.say_graded(severity, sign, fail_safe_text(run));
     }
     if let Some(text) = control.last.as_ref().and_then(|last| refused(model, last)) {
         said.say(Sign::CommandFailed, text);

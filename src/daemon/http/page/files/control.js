@@ -22,6 +22,10 @@ export class Controls {
     this.control = null;
     this.may_be_tripped = false;
     this.is_live = false;
+    this.is_from_page = false;
+    /** Whether the result says that a stop is pending, and whether the gateway has shown that since. */
+    this.awaits_stop = false;
+    this.was_pending = false;
     this.stop = h("button", { type: "button", class: "stop", click: () => this.send("stop", { run: "stop" }) }, t("action.stop"));
     this.stop.setAttribute("aria-label", t("action.stop_drive", { drive }));
     this.coast = h("button", { type: "button", class: "coast", click: () => this.send("coast", { run: "coast" }) }, t("action.coast"));
@@ -70,20 +74,34 @@ export class Controls {
     return value >= this.control.min_hz && value <= this.control.max_hz ? value : null;
   }
 
-  update({ control, trip, presence, group, standby, may_still_run }, is_live) {
+  update({ control, trip, presence, group, standby, may_still_run, run_state }, is_live) {
     this.control = control;
+    this.follow_stop(control, run_state);
     this.may_still_run = may_still_run === true;
     this.may_be_tripped = trip?.active === true || (trip?.active !== false && presence === "online");
     // A stop goes to the line, which decides.
     this.is_live = is_live && standby !== "listening";
     const is_from_page = control?.from?.includes("page") === true;
     show(this.stops, is_from_page && session.may_stop());
-    show(this.element, is_from_page && session.may_command(group ?? null));
-    if (control) this.draw();
+    // A user who may command may say that a motor stands, also of a drive that is not commanded from here.
+    show(this.element, (is_from_page || this.may_still_run) && session.may_command(group ?? null));
+    this.is_from_page = is_from_page;
+    if (control || this.may_still_run) this.draw();
+  }
+
+  /** A result that says that a stop is pending is not left standing once it is not. */
+  follow_stop(control, run_state) {
+    if (!this.awaits_stop) return;
+    const is_pending = control?.stop_pending === true;
+    this.was_pending ||= is_pending;
+    if (is_pending || !this.was_pending) return;
+    this.awaits_stop = false;
+    if (run_state === "stopped") this.tell("good", t("stop.effective"));
+    else text(this.result, "");
   }
 
   draw() {
-    const { can, min_hz, max_hz, lost_after_s, on_commander_lost, site } = this.control;
+    const { can = [], min_hz, max_hz, lost_after_s, on_commander_lost, site } = this.is_from_page ? this.control : {};
     const draft = this.draft();
     const is_wrong = this.input.value !== "" && draft === null;
     this.input.setAttribute("aria-invalid", String(is_wrong));
@@ -98,7 +116,7 @@ export class Controls {
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
-      show(hold.element, this.is_offered(word, kind));
+      show(hold.element, this.is_offered(word, kind, can));
       // What would be run at a number that is not allowed is not run at all.
       const is_on = this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
@@ -107,15 +125,15 @@ export class Controls {
   }
 
   /** In place of starting a drive that is out of sight, a person can say that its motor stands. */
-  is_offered(word, kind) {
+  is_offered(word, kind, can) {
     if (word === "standstill") return this.may_still_run;
-    return this.control.can.includes(word) && !(kind === "run" && this.may_still_run);
+    return can.includes(word) && !(kind === "run" && this.may_still_run);
   }
 
   /** There is something to reset, or to take. */
   is_useful(word) {
     if (word === "reset") return this.may_be_tripped;
-    if (word === "take") return this.control.owner !== null && leases.every_ms(this.drive) === null;
+    if (word === "take") return Boolean(this.control?.owner) && leases.every_ms(this.drive) === null;
     return true;
   }
 
@@ -125,13 +143,15 @@ export class Controls {
       body.frequency_hz = draft;
     }
     this.tell("pending", t("command.sent", { command: words(word) }));
-    const { lost_after_s } = this.control;
+    const lost_after_s = this.control?.lost_after_s;
     const answer = word === "standstill" ? await session.standstill(this.drive) : await session.command(this.drive, body);
     const { outcome } = answer;
     const is_good = outcome === "acknowledged" || outcome === "confirmed";
     this.tell(is_good ? "good" : "bad", `${words(word)} ${session.outcome_text(answer)}`, !is_good);
     if (is_good && body.frequency_hz !== undefined && this.draft() === body.frequency_hz) this.input.value = "";
     const is_stop = word === "stop" || word === "coast";
+    this.awaits_stop = is_stop && outcome === "unknown";
+    this.was_pending = false;
     if (TAKEN.has(outcome) && !is_stop && word !== "reset" && word !== "standstill") leases.begin(this.drive, lost_after_s);
     this.draw();
   }

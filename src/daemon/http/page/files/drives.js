@@ -17,6 +17,9 @@ const SETTLE_MS = 1000;
 /** Ages out of sight are drawn once in so many times. */
 const OUT_OF_SIGHT = 10;
 
+/** Of a declared action: it did not show its effect. */
+const OPEN_STAGES = new Set(["due", "sent", "given_up"]);
+
 const cards = new Map();
 /** The card of each element. */
 const of_element = new WeakMap();
@@ -114,7 +117,8 @@ class Card {
     this.setpoint = h("span", { class: "number" });
     this.lost = h("p", { class: "headline" }, t("unseen.title"));
     this.last_seen = h("p");
-    this.unseen = h("div", { class: "unseen-run", hidden: true }, this.lost, this.last_seen, h("p", { class: "go" }, t("unseen.go")));
+    this.awaited = h("p");
+    this.unseen = h("div", { class: "unseen-run", hidden: true }, this.lost, this.last_seen, this.awaited, h("p", { class: "go" }, t("unseen.go")));
     this.trip = h("p", { class: "trip" });
     this.at_trip = h("p", { class: "trip" });
     this.before = h("p", { class: "trip", hidden: true });
@@ -218,10 +222,14 @@ class Card {
   }
 
   /** A motor that may turn where the gateway does not see it is told in place of all that is not known any more. */
-  draw_unseen({ may_still_run, last_seen }) {
+  draw_unseen({ may_still_run, last_seen, control }) {
     this.element.classList.toggle("unseen-drive", may_still_run === true);
     show(this.unseen, may_still_run === true);
     if (!may_still_run) return;
+    const stage = control?.failsafe?.stage;
+    const awaited = [control?.stop_pending && t("mark.stop_pending"), OPEN_STAGES.has(stage) && t(`mark.failsafe.${stage}`)];
+    text(this.awaited, awaited.filter(Boolean).join(" · "));
+    show(this.awaited, this.awaited.textContent !== "");
     if (!last_seen) return text(this.last_seen, t("unseen.never"));
     const { run_state, output_hz, at } = last_seen;
     const state = [words(run_state), typeof output_hz === "number" ? `${number(output_hz, 2)} Hz` : null].filter(Boolean).join(" ");
@@ -263,8 +271,11 @@ class Card {
     show(this.before, true);
   }
 
-  draw_marks({ presence, status, control, watchdog, trip, warning, standby }) {
+  draw_marks({ presence, status, control, watchdog, trip, warning, standby, output_frequency_hz }) {
+    this.element.classList.toggle("astray", Boolean(control?.output_outside || control?.stopped_elsewhere));
     const marks = [
+      [control?.output_outside, "bad", t("mark.output_outside", { output: number(output_frequency_hz, 2), least: control?.min_hz, most: control?.max_hz })],
+      [control?.stopped_elsewhere, "bad", t("mark.stopped_elsewhere")],
       [presence === "offline", "bad", t("mark.offline")],
       [standby === "listening", "info", t("mark.standby")],
       [control?.not_effective, "bad", t("mark.not_effective")],
@@ -319,10 +330,11 @@ class Card {
     const left = control.lease_left_ms === null ? "" : `, ${t("owner.lease", { left: span(Math.max(0, control.lease_left_ms - since)) })}`;
     const is_run = control.intent === "forward" || control.intent === "reverse";
     const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
-    // What is ordered does not reach a drive that is out of sight.
-    const order = (is_run || control.owner) && !may_still_run ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
+    // What is ordered does not reach a drive that is out of sight, and where an order to run has ended none is in force.
+    const order = (is_run || control.owner) && !may_still_run && !control.stopped_elsewhere ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
     if (!control.owner) text(this.owner, `${t("owner.none")}${order}`);
     else if (every_ms === null) text(this.owner, `${t("owner.client", { owner: control.owner })}${left}${order}`);
+    else if (leases.is_refused(this.name)) text(this.owner, `${t("owner.tab_refused")}${left}${order}`);
     else text(this.owner, `${t("owner.tab", { every: span(every_ms) })}${left}${order}`);
     attribute(this.owner, "title", this.owner.textContent);
     this.owner.classList.toggle("ours", every_ms !== null && Boolean(control.owner));

@@ -4,7 +4,9 @@ import { add, attribute, fill, h, show } from "./dom.js";
 import * as drives from "./drives.js";
 import { number, t, words } from "./texts.js";
 
-const COUNTED = ["tripped", "offline", "unknown", "running", "stopped"];
+/** A motor that may run unseen is counted before all else. */
+const UNSEEN = "may_still_run";
+const COUNTED = [UNSEEN, "tripped", "offline", "unknown", "running", "stopped"];
 const MOVING = new Set(["forward", "reverse", "running", "stopping"]);
 /** Fewer are seen at a glance. */
 const DRIVES_MIN = 5;
@@ -63,7 +65,7 @@ function button(word, many) {
   );
 }
 
-const counted_as = ({ run_state }) => (MOVING.has(run_state) ? "running" : run_state);
+const counted_as = ({ run_state, may_still_run }) => (may_still_run ? UNSEEN : MOVING.has(run_state) ? "running" : run_state);
 
 /** Shows the drives that are in this state now; all, if it was chosen already. */
 function choose(word) {

@@ -20,6 +20,11 @@ export function every_ms(drive) {
   return held.get(drive)?.every_ms ?? null;
 }
 
+/** Whether the gateway refused the last renewal, because it cannot reach the drive. */
+export function is_refused(drive) {
+  return held.get(drive)?.is_refused ?? false;
+}
+
 /** Calls `listener` with a drive's name when this tab begins or ends to renew its lease. */
 export function changed(listener) {
   listeners.push(listener);
@@ -58,7 +63,7 @@ export function end_all() {
 
 function hold(drive, lost_after_s) {
   const every_ms = Math.max(EVERY_MS_MIN, (lost_after_s * 1000) / 3);
-  held.set(drive, { every_ms, is_shown: false, since: performance.now(), is_busy: false });
+  held.set(drive, { every_ms, is_shown: false, since: performance.now(), is_busy: false, is_refused: false });
   ticker.postMessage({ name: drive, every_ms });
   store();
   listeners.forEach((listener) => listener(drive));
@@ -69,8 +74,9 @@ async function renew(drive) {
   // Until the gateway shows it there is nothing to renew: a setpoint for a drive that stands still begins no lease.
   if (!lease || lease.is_busy || !lease.is_shown) return;
   lease.is_busy = true;
-  const may_renew = await session.renew(drive, lease.every_ms);
+  const { may_renew, is_renewed } = await session.renew(drive, lease.every_ms);
   lease.is_busy = false;
+  lease.is_refused = !is_renewed;
   if (!may_renew && held.get(drive) === lease) end(drive, null);
 }
 

@@ -13,7 +13,9 @@ const FIRST = "may_still_run";
 const NAME = "\u0000";
 
 const seen_at = new Map();
+let place = null;
 let list = null;
+let more = null;
 let outcome = null;
 let heading = null;
 let shown = "";
@@ -21,9 +23,23 @@ let shown = "";
 /** Puts it into `element`, which keeps its height whatever is in it; `title` counts the problems. */
 export function start(element, title) {
   heading = title;
+  place = element;
   outcome = h("div", { class: "outcome", id: "stop-results", role: "group", "aria-label": t("stop_all.outcome"), hidden: true });
   list = h("ul", { class: "advice" });
   add(element, outcome, list);
+  more = h("button", { type: "button", class: "link below", hidden: true, click: () => element.scrollBy({ top: element.clientHeight - 16 }) });
+  add(element.parentElement, more);
+  element.addEventListener("scroll", count_below);
+  const watcher = new ResizeObserver(count_below);
+  [element, list, outcome].forEach((part) => watcher.observe(part));
+}
+
+/** Not every browser shows that there is more below. */
+function count_below() {
+  const end = place.getBoundingClientRect().bottom + 1;
+  const count = [...list.children].filter((row) => row.getBoundingClientRect().bottom > end).length;
+  show(more, count > 0);
+  text(more, t("advice.below", { count }));
 }
 
 /** Shows what the gateway finds; returns how many problems there are. */

@@ -221,7 +221,8 @@ export async function set_up(method, path, body = null) {
   return { answer, error: answer?.error ?? unanswered(status), is_unknown };
 }
 
-/** Renews the lease of a drive. Returns whether we may still do so; who holds control is told by the events. */
+/** Renews the lease of a drive. Returns whether it is renewed, and whether we may still do so; who holds control is told by
+ * the events. */
 export async function renew(drive, timeout_ms) {
   const path = `api/v1/drives/${encodeURIComponent(drive)}/lease`;
   try {
@@ -230,5 +231,5 @@ export async function renew(drive, timeout_ms) {
     // What is sent now is refused, or lost as well.
   }
   const { status } = await send("POST", path, {}, timeout_ms, moment);
-  return status !== 401 && status !== 403 && status !== 404;
+  return { is_renewed: status >= 200 && status < 300, may_renew: status !== 401 && status !== 403 && status !== 404 };
 }
