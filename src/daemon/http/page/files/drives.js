@@ -330,8 +330,8 @@ class Card {
     const left = control.lease_left_ms === null ? "" : `, ${t("owner.lease", { left: span(Math.max(0, control.lease_left_ms - since)) })}`;
     const is_run = control.intent === "forward" || control.intent === "reverse";
     const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
-    // What is ordered does not reach a drive that is out of sight, and where an order to run has ended none is in force.
-    const order = (is_run || control.owner) && !may_still_run && !control.stopped_elsewhere ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
+    // Without an order to run, a stop is one only while it waits for its effect. None of them reaches a drive out of sight.
+    const order = (is_run || control.stop_pending) && !may_still_run ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
     if (!control.owner) text(this.owner, `${t("owner.none")}${order}`);
     else if (every_ms === null) text(this.owner, `${t("owner.client", { owner: control.owner })}${left}${order}`);
     else if (leases.is_refused(this.name)) text(this.owner, `${t("owner.tab_refused")}${left}${order}`);
