@@ -331,6 +331,13 @@ impl StopLatch {
         }
     }
 
+    /// The line is given up: the drive is asked there no more, so what it did not answer holds the stop back no more.
+    pub const fn line_given_up(&mut self) {
+        if !self.is_remembered {
+            self.missed_looks = 0;
+        }
+    }
+
     /// The drive cannot be asked. Its acknowledgement proves nothing once it can be asked again: others may have started
     /// it in between.
     pub const fn out_of_sight(&mut self) {

@@ -279,7 +279,7 @@ impl Node {
         let age = |at: MonoTime| self.now.since(at).as_millis().min(4000);
         let heard = self.rule.heard_at().map_or(u128::MAX, age);
         match self.rule.state {
-            State::Deaf => (0, 0, 0, heard, self.held),
+            State::Deaf { .. } => (0, 0, 0, heard, self.held),
             State::Listening { quiet_from, looked_at, extra } => {
                 (1, age(quiet_from), age(looked_at).min(500) * 10_000 + extra.as_millis(), heard, self.held)
             }
