@@ -47,7 +47,7 @@ impl LineCore {
         if !self.may_send(now) {
             return self.stop_between(now);
         }
-        if self.claim(now) || self.stop_all(now) || self.call_roll(now) || self.hand_over(now) {
+        if self.claim(now) || self.stop_all(now) || self.call_roll(now) || self.hand_over(now) || self.say_role(now) {
             return;
         }
         let Some(picked) = self.pick(now) else { return self.sign_of_life(now) };
@@ -271,7 +271,7 @@ impl LineCore {
             return Some(Wake { at, reason: WakeReason::WorkDue });
         }
         let any = || {
-            let others = [self.sign_of_life_at(), self.yields_at(), self.roll_call_at()];
+            let others = [self.sign_of_life_at(), self.role_said_again_at(), self.yields_at(), self.roll_call_at()];
             others.into_iter().chain([self.work_at()]).flatten().min()
         };
         let work = self.claims_at().or_else(|| self.silent_until()).or_else(any)?;

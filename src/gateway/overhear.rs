@@ -73,14 +73,19 @@ impl LineCore {
             return;
         }
         share.sound_at = at;
-        share.gap.is_over();
         match share.listener.take(station, pdu) {
             // It may be the late one to a request of our own.
-            Overheard::Alone => share.rule.heard_alone(at),
+            Overheard::Alone => {
+                share.gap.is_over();
+                share.rule.heard_alone(at);
+            }
             Overheard::Request { station, request, unanswered } => {
                 share.another_sends(at);
+                share.gap.asked(at);
                 if station != Station(0) && station != signal::STATION && self.drives.at_station(station).is_none() {
                     share.stranger = Some((station, at));
+                    // No gateway asks it, and one that was active gives the line up.
+                    share.gap.led(at);
                 }
                 self.is_unanswered(now, unanswered);
                 self.overhear_order(at, station, &request);
@@ -108,7 +113,7 @@ impl LineCore {
     /// The active gateway tells something that its next frames build on.
     fn hears_word(&mut self, at: MonoTime, word: Word) {
         let Some(share) = &mut self.share else { return };
-        share.another_sends(at);
+        share.another_leads(at);
         share.gap.exchange_ended(at);
         match word {
             Word::Digest(digest) => share.differs = Some(digest != share.digest),
@@ -131,7 +136,8 @@ impl LineCore {
 
     /// Another gateway is active, and sees to what is declared for the drives.
     pub(super) fn left_to_another(&mut self) {
-        let is_informed = self.share.as_ref().is_some_and(|share| share.rule.is_informed(self.effects.now()));
+        let is_informed =
+            self.share.as_ref().is_some_and(|share| share.rule.knowledge().is_informed(self.effects.now()));
         self.drives.works_mut().for_each(|work| work.left_to_another(is_informed, &mut self.effects));
     }
 

@@ -9,7 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::line::gap::Gap;
 use crate::line::overheard::Listener;
 use crate::line::roll_call::{Answer, RollCall};
-use crate::line::standby::Standby;
+use crate::line::standby::{SIGNALS_WITHIN, Standby};
 use crate::profile::model::{Model, Whole};
 use crate::wire::pdu::Request;
 use crate::wire::signal::{Signal, SignalKind, Word};
@@ -37,6 +37,10 @@ pub(super) struct Share {
     pub gave_way: bool,
     /// The signal that is on its way to the port.
     pub signal: Option<SignalKind>,
+    /// When it last said that it is active.
+    pub role_said_at: MonoTime,
+    /// The stop of another gateway that was heard last while this one is active, and until when its answer may come.
+    pub heard_stop: Option<(Vec<u8>, MonoTime)>,
     /// What is still to be told before the line is handed over; `None`: that is not known yet.
     pub to_tell: Option<Vec<Word>>,
     /// The digest of its drives was told, and the question that follows it was not asked yet.
@@ -71,9 +75,11 @@ impl Share {
             yields_until: None,
             roll_call: None,
             answer: None,
-            gap: Gap::default(),
+            gap: Gap::new(setup.standby?.answer_after, setup.first_epoch),
             gave_way: false,
             signal: None,
+            role_said_at: MonoTime::ZERO,
+            heard_stop: None,
             to_tell: None,
             told_digest: false,
             digest: digest(setup),
@@ -108,16 +114,24 @@ impl Share {
             return None;
         }
         let is_attentive = self.rule.is_attentive(now);
-        self.another_sends(at);
+        self.another_leads(at);
         match signal.kind {
-            SignalKind::HandOver if may_accept => self.rule.handed_over(at),
-            SignalKind::HandOver => self.rule.refused(at),
+            SignalKind::HandOver => {
+                self.gap.led(at);
+                if may_accept { self.rule.handed_over(at) } else { self.rule.refused(at) }
+            }
             SignalKind::Question if is_attentive => {
                 self.answer = Some(Answer::to_question(now, at, self.rule.times().answer_after));
             }
             SignalKind::Active | SignalKind::Question | SignalKind::Listening | SignalKind::Differs => {}
         }
         self.listener.silent()
+    }
+
+    /// A listener heard another gateway say at `at` what only an active one says.
+    pub fn another_leads(&mut self, at: MonoTime) {
+        self.another_sends(at);
+        self.gap.led(at + SIGNALS_WITHIN);
     }
 
     /// A listener heard another gateway, or its drives answer it, at `at`.

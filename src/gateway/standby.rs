@@ -4,7 +4,7 @@ use super::core::LineCore;
 use super::event::{Effect, Wake, WakeReason};
 use super::note::{HeardFrame, LineNote};
 use super::share::Share;
-use super::work::DriveWork;
+use super::work::{DriveWork, Rank};
 use crate::domain::ids::Station;
 use crate::domain::native::{NativeOutcome, Refusal};
 use crate::domain::report::LineFault;
@@ -13,7 +13,7 @@ use crate::domain::time::MonoTime;
 use crate::domain::traffic::Why;
 use crate::line::echo::LocalEcho;
 use crate::line::roll_call::RollCall;
-use crate::line::standby::Change;
+use crate::line::standby::{Change, ROLE_SAID_EVERY};
 use crate::wire::framing;
 use crate::wire::pdu::Request;
 use crate::wire::signal::{self, Signal, SignalKind, Word};
@@ -79,11 +79,15 @@ impl LineCore {
         self.stop_was_transmitted(now);
         match self.share.as_mut().and_then(|share| share.signal.take()) {
             Some(SignalKind::HandOver) => return self.give_way(now),
-            Some(SignalKind::Question) => self.roll_was_called(now),
+            Some(SignalKind::Question) => {
+                self.role_was_said(now);
+                self.roll_was_called(now);
+            }
             Some(SignalKind::Listening | SignalKind::Differs) => {
                 return self.share.iter_mut().for_each(|share| share.answer = None);
             }
-            Some(SignalKind::Active) | None => {}
+            Some(SignalKind::Active) => self.role_was_said(now),
+            None => {}
         }
         if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
             self.give_up_line(now, change, None);
@@ -161,6 +165,27 @@ impl LineCore {
     /// When the signal that the line is taken may be sent, if it has to be said. Stops on a jammed line don't wait for it.
     pub(super) fn claims_at(&self) -> Option<MonoTime> {
         self.share.as_ref().filter(|_| !self.health.is_jammed())?.rule.claims_at()
+    }
+
+    /// Says that this gateway is active, if it has not said so for some time: a listener may have missed that, and tells a foreign
+    /// master from a gateway by it. Returns whether it does. A stop goes first.
+    pub(super) fn say_role(&mut self, now: MonoTime) -> bool {
+        let has_stop = self.wanted_at(Rank::RepeatedStop).is_some_and(|at| now >= at);
+        let is_due = !has_stop && self.role_said_again_at().is_some_and(|at| now >= at);
+        if is_due {
+            self.send_signal(now, SignalKind::Active);
+        }
+        is_due
+    }
+
+    /// When that is due.
+    pub(super) fn role_said_again_at(&self) -> Option<MonoTime> {
+        let share = self.share.as_ref().filter(|_| self.may_signal())?;
+        (share.rule.role() == LineRole::Active).then(|| share.role_said_at + ROLE_SAID_EVERY)
+    }
+
+    fn role_was_said(&mut self, now: MonoTime) {
+        self.share.iter_mut().for_each(|share| share.role_said_at = now);
     }
 
     /// Nothing else is to be sent: the other gateways hear a signal, if it is time for one.

@@ -27,6 +27,8 @@ const REPEAT_MAX: Duration = Duration::from_secs(4);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Consecutive unanswered reads before the drive counts as away.
 const LOOKS_BEFORE_AWAY: u8 = 3;
+/// How much later than usual a stop is repeated while its drive is away: one that is not heard may hear.
+const REPEAT_LATER: Duration = Duration::from_secs(6);
 /// Time between two reads of a drive that is away: its return is noticed soon, at little cost to the others.
 const LOOK_WHEN_AWAY: Duration = Duration::from_secs(2);
 
@@ -204,9 +206,14 @@ impl StopLatch {
     /// The frame to send, and the earliest moment.
     #[must_use]
     pub fn frame(&self) -> (MonoTime, Request) {
-        let awaits_reading = self.is_away() && !self.is_first() && self.by_client != ByClient::Waits;
-        let at = if awaits_reading { MonoTime::NEVER } else { self.send_at.max(self.silent_until) };
-        (at, self.order.request_in(self.form))
+        let at = if !self.is_away() || self.is_first() || self.by_client == ByClient::Waits {
+            self.send_at
+        } else if self.is_remembered {
+            MonoTime::NEVER
+        } else {
+            self.send_at + REPEAT_LATER
+        };
+        (at.max(self.silent_until), self.order.request_in(self.form))
     }
 
     /// The order that it sends.
@@ -354,6 +361,13 @@ impl StopLatch {
         }
     }
 
+    /// The line is given up: the drive is asked there no more, so what it did not answer holds the stop back no more.
+    pub const fn line_given_up(&mut self) {
+        if !self.is_remembered {
+            self.missed_looks = 0;
+        }
+    }
+
     /// The drive cannot be asked. Its acknowledgement proves nothing once it can be asked again: others may have started
     /// it in between.
     pub const fn out_of_sight(&mut self) {
@@ -369,7 +383,7 @@ impl StopLatch {
         }
     }
 
-    /// Whether the drive does not answer reads: no stop is sent before it does.
+    /// Whether the drive does not answer reads: it is read before the next stop is sent, which comes much later.
     const fn is_away(&self) -> bool {
         self.missed_looks >= LOOKS_BEFORE_AWAY
     }

@@ -8,29 +8,24 @@
 
 mod change;
 mod ears;
+mod knowledge;
 mod times;
 
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 pub use change::Change;
 use ears::Ears;
+pub use knowledge::Knowledge;
 use std::time::Duration;
-use times::{CONTEND_WAIT, HAND_OVER_MAX, JAM_BREAK, TIE_BREAK};
-pub use times::{RANK_STEP, SIGNAL_AFTER, SIGNALS_WITHIN, StandbyTimes};
-
-/// How many times in a row one waits for [`CONTEND_WAIT`], if what comes is damaged. Silence is more often that of a drive that is
-/// off: then it waits once.
-const CONTEND_MAX: u8 = 3;
-/// How often a listener looks at a silent line.
-const LOOK_EVERY: Duration = Duration::from_millis(200);
-/// A listener that did not look for longer was suspended, perhaps with its whole host: it may have missed what was sent.
-const LOOK_MAX: Duration = Duration::from_millis(400);
+pub(in crate::line) use times::random;
+use times::{CONTEND_MAX, CONTEND_WAIT, HAND_OVER_MAX, JAM_BREAK, LOOK_EVERY, LOOK_MAX, TIE_BREAK};
+pub use times::{RANK_STEP, ROLE_SAID_EVERY, SIGNAL_AFTER, SIGNALS_WITHIN, StandbyTimes};
 
 /// Whether this gateway may send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// The port is not open: nothing can be heard.
-    Deaf,
+    /// The port is not open: nothing can be heard. The line was last in use at `used_at`.
+    Deaf { used_at: Option<MonoTime> },
     /// Nothing of another gateway was heard since `quiet_from`, up to `looked_at`; the line is taken over after the usual
     /// silence and `extra`.
     Listening { quiet_from: MonoTime, looked_at: MonoTime, extra: Duration },
@@ -51,10 +46,7 @@ pub struct Standby {
     accept_at: Option<MonoTime>,
     /// Frames since the line was taken over that were not answered, while none was.
     contended: u8,
-    /// From then on what is received while it listens is known to have come just now.
-    attentive_from: MonoTime,
-    /// From then on another gateway that has taken the line would have been heard to say so.
-    informed_from: MonoTime,
+    knowledge: Knowledge,
     ears: Ears,
     seed: u64,
 }
@@ -65,12 +57,11 @@ impl Standby {
     pub const fn new(times: StandbyTimes, seed: u64) -> Self {
         Self {
             times,
-            state: State::Deaf,
+            state: State::Deaf { used_at: None },
             heard_at: None,
             accept_at: None,
             contended: 0,
-            attentive_from: MonoTime::ZERO,
-            informed_from: MonoTime::ZERO,
+            knowledge: Knowledge::NEW,
             ears: Ears::NEW,
             seed,
         }
@@ -86,7 +77,7 @@ impl Standby {
     #[must_use]
     pub const fn role(&self) -> LineRole {
         match self.state {
-            State::Deaf | State::Listening { .. } => LineRole::Listening,
+            State::Deaf { .. } | State::Listening { .. } => LineRole::Listening,
             State::Claiming { .. } | State::Active { .. } => LineRole::Active,
         }
     }
@@ -96,7 +87,7 @@ impl Standby {
     #[must_use]
     pub fn may_send(&self, now: MonoTime) -> bool {
         match self.state {
-            State::Deaf | State::Listening { .. } => false,
+            State::Deaf { .. } | State::Listening { .. } => false,
             State::Claiming { at, until } => now >= at && now < until,
             State::Active { sent_at } => now.since(sent_at) < self.times.silent_at_most,
         }
@@ -107,7 +98,7 @@ impl Standby {
     pub const fn claims_at(&self) -> Option<MonoTime> {
         match self.state {
             State::Claiming { at, .. } => Some(at),
-            State::Deaf | State::Listening { .. } | State::Active { .. } => None,
+            State::Deaf { .. } | State::Listening { .. } | State::Active { .. } => None,
         }
     }
 
@@ -122,20 +113,19 @@ impl Standby {
     #[must_use]
     pub fn is_attentive(&self, now: MonoTime) -> bool {
         let looked = matches!(self.state, State::Listening { looked_at, .. } if now.since(looked_at) <= LOOK_MAX);
-        looked && now >= self.attentive_from
+        looked && self.knowledge.is_attentive(now)
     }
 
-    /// From when on a gateway that may not send knows enough of the line to put a stop between the frames of another: one
-    /// that is declared also needs to know that no other gateway is there to see to it.
+    /// What this gateway knows of the line while it may not send.
     #[must_use]
-    pub fn stops_from(&self, is_declared: bool) -> MonoTime {
-        if is_declared { self.attentive_from.max(self.informed_from) } else { self.attentive_from }
+    pub const fn knowledge(&self) -> &Knowledge {
+        &self.knowledge
     }
 
-    /// Whether it would have heard another gateway that has taken the line.
+    /// Whether it has left the line to another gateway and waits for longer than its silence: its stops leave room for that.
     #[must_use]
-    pub fn is_informed(&self, now: MonoTime) -> bool {
-        now >= self.informed_from
+    pub fn makes_room(&self) -> bool {
+        matches!(self.state, State::Listening { extra, .. } if extra > TIE_BREAK)
     }
 
     /// Whether it fell silent because it heard no drive, and has heard nothing since.
@@ -156,7 +146,7 @@ impl Standby {
         match self.state {
             State::Claiming { at, .. } => Some(at),
             State::Active { sent_at } => Some(sent_at + self.times.signal_after),
-            State::Deaf | State::Listening { .. } => None,
+            State::Deaf { .. } | State::Listening { .. } => None,
         }
     }
 
@@ -165,7 +155,7 @@ impl Standby {
     #[must_use]
     pub fn due_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Deaf => None,
+            State::Deaf { .. } => None,
             State::Listening { quiet_from, looked_at, extra } => {
                 let silence = quiet_from + self.times.take_over_after + extra;
                 Some(silence.min(looked_at + LOOK_EVERY).min(self.accept_at.unwrap_or(silence)))
@@ -190,7 +180,8 @@ impl Standby {
     pub fn port_opened(&mut self, now: MonoTime) {
         self.heard_at = None;
         self.accept_at = None;
-        self.informed_from = now + SIGNALS_WITHIN;
+        let used_at = if let State::Deaf { used_at } = self.state { used_at } else { None };
+        self.knowledge.missed(used_at, now, self.times.silent_at_most);
         self.state = State::Listening { quiet_from: now, looked_at: now, extra: Duration::ZERO };
     }
 
@@ -199,7 +190,13 @@ impl Standby {
         self.heard_at = None;
         self.accept_at = None;
         let was_active = self.is_active();
-        self.state = State::Deaf;
+        let used_at = match self.state {
+            State::Deaf { used_at } => used_at,
+            State::Listening { quiet_from, .. } => Some(quiet_from),
+            State::Claiming { .. } => None,
+            State::Active { sent_at } => Some(sent_at),
+        };
+        self.state = State::Deaf { used_at };
         was_active
     }
 
@@ -275,8 +272,8 @@ impl Standby {
     pub fn heard_request(&mut self, now: MonoTime) -> Option<Change> {
         let gives_up = self.is_active();
         if gives_up {
-            // One that was suspended for longer may have missed who took the line.
-            self.informed_from = if self.may_send(now) { now } else { now + SIGNALS_WITHIN };
+            let used_at = self.may_send(now).then_some(now);
+            self.knowledge.missed(used_at, now, self.times.silent_at_most);
             // The other one may have given the line up by this gateway's own frame: the random part of the wait stays.
             self.listen(now);
             self.heard_at = Some(now);
@@ -336,6 +333,7 @@ impl Standby {
 
     fn take(&mut self, now: MonoTime) {
         self.ears.taken(now);
+        self.knowledge.is_complete(now);
         self.accept_at = None;
         self.contended = 0;
         // The others must hear it at once: the next rank is waiting.
@@ -349,26 +347,26 @@ impl Standby {
     /// Time has passed up to `now`. `is_free`: a frame could be sent now, as far as the wire is concerned.
     pub fn pass(&mut self, now: MonoTime, is_free: bool) -> Option<Change> {
         match self.state {
-            State::Deaf => None,
+            State::Deaf { .. } => None,
             State::Claiming { .. } | State::Active { .. } if self.due_at().is_some_and(|at| now < at) => None,
             State::Claiming { .. } | State::Active { .. } if now >= self.deaf_at() => {
                 let wait = self.ears.fall_silent(self.times.take_over_after);
                 let extra = wait + self.random(wait);
-                (self.attentive_from, self.informed_from) = (now, now);
+                self.knowledge.is_complete(now);
                 self.state = State::Listening { quiet_from: now, looked_at: now, extra };
                 Some(Change::Deaf)
             }
             State::Claiming { .. } | State::Active { .. } => {
                 self.listen(now);
-                self.informed_from = now + SIGNALS_WITHIN;
+                self.knowledge.missed(None, now, self.times.silent_at_most);
                 Some(Change::Stalled)
             }
             State::Listening { quiet_from, looked_at, extra } => {
                 let was_suspended = now.since(looked_at) > LOOK_MAX;
                 if was_suspended {
                     self.accept_at = None;
-                    self.attentive_from = now + LOOK_MAX;
-                    self.informed_from = now + SIGNALS_WITHIN;
+                    self.knowledge.begins(now);
+                    self.knowledge.missed(Some(quiet_from), now, self.times.silent_at_most);
                 }
                 let quiet_from = if was_suspended { now } else { quiet_from };
                 if is_free && self.accept_at.is_some_and(|at| now >= at) {
@@ -388,7 +386,7 @@ impl Standby {
     /// Listens from `now` on, with a random part in the wait: whatever made two gateways send must not repeat in step.
     fn listen(&mut self, now: MonoTime) {
         let extra = self.random(TIE_BREAK);
-        self.attentive_from = now + LOOK_MAX;
+        self.knowledge.begins(now);
         self.state = State::Listening { quiet_from: now, looked_at: now, extra };
     }
 

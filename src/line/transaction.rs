@@ -51,7 +51,7 @@ pub struct Wire {
     /// The later of the last byte read and the computed end of our own transmission.
     quiet_from: MonoTime,
     last_byte_at: MonoTime,
-    /// Until then the drives are busy with a broadcast.
+    /// Until then the drives are busy with a broadcast, or with what others asked.
     held_until: MonoTime,
     /// Since when bytes have been arriving without a silence long enough for one of our frames.
     occupancy: Occupancy,
@@ -121,10 +121,22 @@ impl Wire {
         (self.quiet_from + self.timing.silence).max(self.held_until)
     }
 
-    /// When the turnaround after a broadcast ends, whatever else is on the line.
+    /// When the turnaround after a broadcast ends, or the time for an answer to others, whatever else is on the line.
     #[must_use]
     pub const fn held_until(&self) -> MonoTime {
         self.held_until
+    }
+
+    /// Nothing is sent before `until`: another one has asked, and its answer comes first.
+    pub fn hold(&mut self, until: MonoTime) {
+        self.held_until = self.held_until.max(until);
+    }
+
+    /// What was awaited `until` then has come.
+    pub fn release(&mut self, until: MonoTime) {
+        if self.held_until == until {
+            self.held_until = MonoTime::ZERO;
+        }
     }
 
     /// When the last byte was received; when the port was opened if none was.

@@ -80,11 +80,14 @@ fn a_stop_at_the_listener_is_carried_out() {
 
 #[test]
 fn a_stop_is_carried_out_while_a_foreign_master_is_heard() {
-    for half in [0, 1] {
+    for (half, both) in [(0, false), (1, false), (0, true), (1, true)] {
         let mut pair = running(MS(250));
         foreign(&mut pair, SECOND * 3, true);
         assert_eq!([pair.role(0), pair.role(1)], [LineRole::Listening, LineRole::Listening]);
         assert_eq!(pair.output(1), 3000);
+        if both {
+            pair.command(1 - half, plc(1), 0, STOP);
+        }
         let ticket = pair.command(half, plc(1), 0, STOP);
         foreign(&mut pair, SECOND * 2, true);
         assert!(pair.output(1) < 3000, "{half}: {:?}", pair.told(half, ticket));
@@ -95,6 +98,40 @@ fn a_stop_is_carried_out_while_a_foreign_master_is_heard() {
         foreign(&mut pair, SECOND * 60, true);
         assert_eq!(writes(&pair, half, end), 0, "{half}: it is over");
     }
+}
+
+#[test]
+fn the_active_gateway_lets_the_drive_answer_the_stop_of_the_listener() {
+    let mut pair = running(MS(250));
+    let begin = pair.now;
+    pair.command(1, plc(1), 0, STOP);
+    pair.until(SECOND * 2, |pair| writes(pair, 1, begin) > 0).expect("it is sent");
+    pair.pass(MS(200));
+    assert_eq!([writes(&pair, 0, begin), writes(&pair, 1, begin)], [1, 1], "each of them has its answer");
+    let damaged: Vec<_> = pair.sent.iter().filter(|sent| sent.at >= begin && sent.is_damaged).collect();
+    assert!(damaged.is_empty(), "{damaged:?}");
+}
+
+#[test]
+fn a_listener_looks_at_no_drive_that_the_active_gateway_asks_in_vain() {
+    let mut pair = running(MS(250));
+    pair.drives_are_cut = true;
+    pair.pass(SECOND);
+    let begin = pair.now;
+    pair.command(1, plc(1), 0, STOP);
+    pair.until(SECOND, |pair| pair.role(0) != LineRole::Active);
+    let looks = pair.sent.iter().filter(|sent| sent.half == 1 && sent.at >= begin && sent.pdu[0] == 3).count();
+    assert_eq!((pair.role(0), looks), (LineRole::Active, 0));
+}
+
+#[test]
+fn a_lost_commander_is_noticed_soon_after_a_restart_beside_a_foreign_master() {
+    let mut pair = running(MS(250));
+    foreign(&mut pair, SECOND, true);
+    pair.unplug(0);
+    pair.open(0);
+    foreign(&mut pair, SECOND * 9, false);
+    assert!(pair.output(1) < 3000);
 }
 
 #[test]

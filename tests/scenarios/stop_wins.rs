@@ -210,7 +210,7 @@ fn a_drive_that_comes_back_is_read_before_it_is_stopped() {
         rig.command(MQTT, 0, STOP);
         rig.live(Duration::from_secs(60));
         let while_away = rig.written(RUN).len();
-        assert!(while_away <= 3, "{while_away} stops to a drive that is away");
+        assert!((6..=9).contains(&while_away), "{while_away} stops to a drive that is away and may hear");
         let back_at = rig.now;
         rig.bus.set_powered(back_at, Station(1), true);
         if turns {

@@ -72,6 +72,7 @@ impl DriveWork {
         self.unsettled = None;
         // The lease goes on: where no other gateway takes the line, its commander is lost in its own time.
         self.line_down(now, Reason::Standby, out);
+        self.latch.iter_mut().for_each(StopLatch::line_given_up);
     }
 
     /// This gateway takes the line over at `now`: a drive that was heard or seen ordered to run gets the declared action,

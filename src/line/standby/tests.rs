@@ -268,10 +268,32 @@ enum Fate {
     StallsAtThePort,
     /// It is started again, or its port goes and comes back.
     Restarts,
+    /// It runs, and if it is active, it has heard no drive for too long.
+    RunsDeaf,
+    /// It runs, and if it listens, it sends a stop between the frames of the other one.
+    Stops,
 }
 
-const FATES: [Fate; 6] =
-    [Fate::Runs, Fate::RunsIdle, Fate::RunsInVain, Fate::Stalls, Fate::StallsAtThePort, Fate::Restarts];
+const FATES: [Fate; 8] = [
+    Fate::Runs,
+    Fate::RunsIdle,
+    Fate::RunsInVain,
+    Fate::Stalls,
+    Fate::StallsAtThePort,
+    Fate::Restarts,
+    Fate::RunsDeaf,
+    Fate::Stops,
+];
+
+/// What goes out in one step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Out {
+    Nothing,
+    /// A frame of one that is active.
+    Frame,
+    /// A stop of one that is not.
+    Stop,
+}
 
 impl Node {
     /// Everything that decides what may happen, without the absolute time. Longer ages make no difference.
@@ -279,7 +301,7 @@ impl Node {
         let age = |at: MonoTime| self.now.since(at).as_millis().min(4000);
         let heard = self.rule.heard_at().map_or(u128::MAX, age);
         match self.rule.state {
-            State::Deaf => (0, 0, 0, heard, self.held),
+            State::Deaf { .. } => (0, 0, 0, heard, self.held),
             State::Listening { quiet_from, looked_at, extra } => {
                 (1, age(quiet_from), age(looked_at).min(500) * 10_000 + extra.as_millis(), heard, self.held)
             }
@@ -291,24 +313,33 @@ impl Node {
         }
     }
 
-    /// The step before anything is received. Returns whether a frame goes out.
-    fn acts(&mut self, fate: Fate) -> bool {
+    /// The step before anything is received. Returns what goes out.
+    fn acts(&mut self, fate: Fate) -> Out {
         match fate {
-            Fate::Stalls => false,
+            Fate::Stalls => Out::Nothing,
             Fate::Restarts => {
                 self.held = false;
                 self.rule.port_opened(self.now);
-                false
+                Out::Nothing
             }
-            Fate::Runs | Fate::RunsIdle | Fate::RunsInVain | Fate::StallsAtThePort => {
+            Fate::Runs | Fate::RunsIdle | Fate::RunsInVain | Fate::StallsAtThePort | Fate::RunsDeaf | Fate::Stops => {
                 if std::mem::take(&mut self.held) {
                     self.rule.was_sent(self.now);
-                    return true;
+                    return Out::Frame;
+                }
+                if fate == Fate::RunsDeaf {
+                    self.rule.ears.taken(MonoTime::ZERO);
+                    (0..3).for_each(|_| self.rule.missed());
                 }
                 self.rule.pass(self.now, true);
+                // Neither the ears nor the time for which the line is left matter for who may send.
+                self.rule.ears = Ears::NEW;
+                if fate == Fate::Stops && self.rule.role() == LineRole::Listening {
+                    return Out::Stop;
+                }
                 let is_due = self.rule.signal_at().is_some_and(|at| self.now + MS_250 > at);
                 if !self.rule.may_send(self.now) || (fate == Fate::RunsIdle && !is_due) {
-                    return false;
+                    return Out::Nothing;
                 }
                 self.rule.sent(self.now);
                 if fate == Fate::RunsInVain {
@@ -317,8 +348,17 @@ impl Node {
                     self.rule.unanswered(self.now, true);
                 }
                 self.held = fate == Fate::StallsAtThePort;
-                !self.held
+                if self.held { Out::Nothing } else { Out::Frame }
             }
+        }
+    }
+
+    /// Whether `fate` is another one than to run.
+    fn may_meet(&self, fate: Fate) -> bool {
+        match fate {
+            Fate::RunsDeaf => self.rule.role() == LineRole::Active,
+            Fate::Stops => self.rule.role() == LineRole::Listening,
+            _ => true,
         }
     }
 
@@ -328,8 +368,8 @@ impl Node {
     }
 }
 
-/// Every order of stalls, stalls at the port, restarts and idle times of two gateways, without losses on the line: never
-/// may both send, but for the one frame that was held at the port.
+/// Every order of stalls, stalls at the port, restarts, idle times, silence for want of ears, and stops of the one that listens, of
+/// two gateways without losses on the line: never may both send, but for such stops and the one frame that was held at the port.
 #[test]
 fn in_every_order_of_events_at_most_one_may_send() {
     let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
@@ -343,8 +383,8 @@ fn in_every_order_of_events_at_most_one_may_send() {
         let mut open = vec![[node(ranks[0]), node(ranks[1])]];
         let mut take_overs = 0_u64;
         while let Some(pair) = open.pop() {
-            for first in FATES {
-                for second in FATES {
+            for first in FATES.into_iter().filter(|fate| pair[0].may_meet(*fate)) {
+                for second in FATES.into_iter().filter(|fate| pair[1].may_meet(*fate)) {
                     let mut next = pair.clone();
                     next.iter_mut().zip(STEP).for_each(|(node, step)| node.now = node.now + step);
                     let before = next.clone().map(|node| node.may_send());
@@ -353,7 +393,7 @@ fn in_every_order_of_events_at_most_one_may_send() {
                     let may = [next[0].may_send(), next[1].may_send()];
                     take_overs += u64::from(may[0] && !before[0]) + u64::from(may[1] && !before[1]);
                     // With one rank for both they may take a silent line in the same step; then both hear a rival.
-                    let at_once = ranks[0] == ranks[1] && sent[0] && sent[1];
+                    let at_once = ranks[0] == ranks[1] && sent == [Out::Frame; 2];
                     assert!(!(may[0] && may[1]) || at_once, "{first:?} {second:?}: {:?}", next.map(|it| it.rule));
                     let key = (next[0].key(), next[1].key());
                     if seen.insert(key) {
@@ -368,12 +408,17 @@ fn in_every_order_of_events_at_most_one_may_send() {
 
 /// What was sent reaches the other one, unless that is suspended: then it lies in the port until it runs again, which for
 /// the rule is the same as hearing it then.
-fn hear(pair: &mut [Node; 2], sent: [bool; 2], fates: [Fate; 2]) {
+fn hear(pair: &mut [Node; 2], sent: [Out; 2], fates: [Fate; 2]) {
     for (from, to) in [(0, 1), (1, 0)] {
         let runs = !matches!(fates[to], Fate::Stalls);
-        if sent[from] && runs {
-            let now = pair[to].now;
-            pair[to].rule.heard_request(now);
+        let now = pair[to].now;
+        match sent[from] {
+            Out::Frame if runs => {
+                pair[to].rule.heard_request(now);
+            }
+            // It ends no role.
+            Out::Stop if runs => pair[to].rule.heard(now),
+            Out::Nothing | Out::Frame | Out::Stop => {}
         }
         // A random wait is as short or as long as it can be.
         let now = pair[to].now;

@@ -22,9 +22,17 @@ pub(super) const JAM_BREAK: Duration = Duration::from_millis(250);
 pub(super) const DEAF_AFTER: Duration = Duration::from_secs(3);
 /// How long it then waits at least, in silences for a take-over.
 pub(super) const DEAF_WAITS: u32 = 4;
-/// A gateway that begins to listen, or missed something, has heard a signal of the one that is active by then: each asks
-/// once a minute who listens.
-pub const SIGNALS_WITHIN: Duration = Duration::from_secs(65);
+/// How often the active gateway says that it is active, whatever else it sends.
+pub const ROLE_SAID_EVERY: Duration = Duration::from_secs(4);
+/// A gateway that begins to listen, or missed something, has heard the one that is active say so by then.
+pub const SIGNALS_WITHIN: Duration = Duration::from_secs(6);
+/// How many times in a row one waits for [`CONTEND_WAIT`], if what comes is damaged. Silence is more often that of a drive that is
+/// off: then it waits once.
+pub(super) const CONTEND_MAX: u8 = 3;
+/// How often a listener looks at a silent line.
+pub(super) const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// A listener that did not look for longer was suspended, perhaps with its whole host: it may have missed what was sent.
+pub(super) const LOOK_MAX: Duration = Duration::from_millis(400);
 /// Longest random wait before the next frame, if no drive has answered since the line was taken over.
 pub(super) const CONTEND_WAIT: Duration = Duration::from_millis(250);
 /// The least of [`StandbyTimes::silent_at_most`].
@@ -50,7 +58,8 @@ pub struct StandbyTimes {
     pub take_over_after: Duration,
     /// How soon it takes over a line that is handed over, by its rank.
     pub accept_after: Duration,
-    /// How soon it answers when the active gateway asks who listens, by its rank: who hears another answer gives none.
+    /// How soon it answers when the active gateway asks who listens, by its rank: who hears another answer gives none. Its stops
+    /// wait as long for one of a lower rank.
     pub answer_after: Duration,
     /// How long it leaves the line silent while it is active, at most [`SIGNAL_AFTER`]. It differs by rank, so that two
     /// that are active do not stay in step, where neither hears the other.
@@ -90,6 +99,12 @@ impl StandbyTimes {
         CONTEND_WAIT
     }
 
+    /// How long one that has left the line to another gateway is silent between its stops, so that the other one takes it.
+    #[must_use]
+    pub fn room(&self) -> Duration {
+        self.take_over_after + RANK_STEP * 2 + TIE_BREAK
+    }
+
     /// Longest time from the last frame of an active gateway to the first frame of this one, on a line that is not
     /// noisy.
     #[must_use]
@@ -99,7 +114,7 @@ impl StandbyTimes {
 }
 
 /// A random time up to `longest`.
-pub(super) fn random(seed: &mut u64, longest: Duration) -> Duration {
+pub(in crate::line) fn random(seed: &mut u64, longest: Duration) -> Duration {
     // SplitMix64.
     *seed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let mixed = (*seed ^ (*seed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -175,17 +175,6 @@ impl Draw {
 }
 
 impl Plan {
-    /// Whether it has nothing but what a pair holds already: one trouble at a time, and a listener that has heard the order.
-    pub fn is_plain(&self) -> bool {
-        let [Trouble { kind, until, .. }] = self.troubles[..] else { return false };
-        let is_held = match kind {
-            Kind::DrivesAway | Kind::Noisy | Kind::Kill(_) | Kind::Unplug(_) | Kind::Mute(_) => true,
-            Kind::Jam(_) | Kind::Foreign(_) | Kind::Suspend(_) | Kind::OffSpeed(_) => false,
-            Kind::Deaf(_) | Kind::Mishears(..) | Kind::Misspeaks(..) => until.is_some(),
-        };
-        is_held && self.listens_from.is_none()
-    }
-
     /// The half that is deaf or babbles for ever, if that is all that goes wrong.
     pub fn ill(&self) -> Option<usize> {
         match self.troubles[..] {

@@ -42,8 +42,8 @@ pub struct Seen {
     pub rest: Duration,
     /// From the end of what the client did, how much longer than one gateway a pair may need.
     pub bound: Duration,
-    /// What the line notes say.
-    pub notes: Vec<String>,
+    /// What was told and written when, and by which half.
+    pub told: Vec<String>,
 }
 
 /// A play under way.
@@ -70,13 +70,7 @@ pub fn play(plan: &Plan, count: usize) -> Seen {
     play.goes_wrong();
     play.watch.look(&play.pair);
     play.seen.doubled = play.watch.longest();
-    let notes = |half: &crate::support::pair::Half| {
-        half.line_notes
-            .iter()
-            .map(|(at, note)| format!("{:.3} {note}", at.since(play.begin).as_secs_f64()))
-            .collect::<Vec<_>>()
-    };
-    play.seen.notes = play.pair.halves.iter().flat_map(notes).collect();
+    play.seen.told = play.told();
     play.seen
 }
 
@@ -113,7 +107,7 @@ impl<'a> Play<'a> {
             active: [Duration::ZERO; 2],
             rest: Duration::ZERO,
             bound,
-            notes: Vec::new(),
+            told: Vec::new(),
         };
         let begin = pair.now;
         let watch = Watch::new(&plan.model);
@@ -355,6 +349,27 @@ impl<'a> Play<'a> {
                 self.seen.active[half] += passed;
             }
         }
+    }
+
+    fn told(&self) -> Vec<String> {
+        let mut told = Vec::new();
+        for (number, half) in self.pair.halves.iter().enumerate() {
+            told.extend(half.line_notes.iter().map(|(at, note)| (*at, number, note.to_string())));
+            told.extend(half.notes.iter().map(|(at, note)| (*at, number, format!("{note:?}"))));
+        }
+        for sent in self.pair.sent.iter().filter(|sent| sent.pdu.first().is_some_and(|function| *function != 3)) {
+            let how = if sent.is_damaged {
+                ", damaged"
+            } else if sent.is_lost {
+                ", not heard"
+            } else {
+                ""
+            };
+            told.push((sent.at, sent.half, format!("writes {:02X?}{how}", sent.pdu)));
+        }
+        told.sort_by_key(|(at, ..)| *at);
+        let told = told.into_iter().filter(|(at, ..)| *at >= self.begin);
+        told.map(|(at, half, what)| format!("{:.3} {half}: {what}", at.since(self.begin).as_secs_f64())).collect()
     }
 
     /// One read of a drive that is no other one's.
