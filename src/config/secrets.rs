@@ -33,9 +33,12 @@ pub(super) fn hide_in(problems: &mut [Problem], text: &str) {
     let words = Secrets::of(text).0.words;
     for problem in problems {
         let Problem { key, what, right, .. } = problem;
-        for said in [key, what].into_iter().chain(right) {
+        for said in [what].into_iter().chain(right) {
             *said = words.iter().fold(std::mem::take(said), |said, word| without_word(said, word));
         }
+        // The names of keys may be words of values. Only a hash is a secret there.
+        let hashes = words.iter().filter(|word| word.contains(HASH));
+        *key = hashes.fold(std::mem::take(key), |said, word| without_word(said, word));
     }
 }
 
@@ -82,8 +85,8 @@ impl<'a> Secrets<'a> {
             if key.get_ref().contains(HASH) {
                 self.hide(key.span(), key.get_ref());
             }
-            let is_file = key.get_ref().ends_with("_file") && value.get_ref().as_str().is_some_and(is_path);
-            self.look_at(value, is_secret || is_secret_key(key.get_ref()) && !is_file);
+            let is_name = value.get_ref().as_str().is_some_and(|value| names_a_secret(key.get_ref(), value));
+            self.look_at(value, is_secret || is_secret_key(key.get_ref()) && !is_name);
         }
     }
 
@@ -119,16 +122,18 @@ impl<'a> Secrets<'a> {
     }
 }
 
-/// Whether the value of a key may be the name of a file, and not what belongs into it.
-fn is_path(value: &str) -> bool {
-    value.starts_with('/')
+/// Whether the `value` of `key` may be the name of a file or of a variable, and not what belongs there.
+fn names_a_secret(key: &str, value: &str) -> bool {
+    let is_of_variable = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b'_';
+    (key.ends_with("_file") && value.starts_with('/')) || (key.ends_with("_env") && value.bytes().all(is_of_variable))
 }
 
 /// Whether `key` is or may be meant as one whose value is secret.
 fn is_secret_key(key: &str) -> bool {
     let key = key.to_ascii_lowercase();
-    let is_near =
-        |part: &str| nearest(part, SECRET_KEYS).is_some() || ["pass", "pw"].iter().any(|it| part.starts_with(it));
+    // Short words are near to many.
+    let is_misspelt = |part: &str| part.len() > 4 && nearest(part, SECRET_KEYS).is_some();
+    let is_near = |part: &str| is_misspelt(part) || ["pass", "pw"].iter().any(|it| part.starts_with(it));
     SECRET_KEYS.iter().any(|word| key.contains(word)) || key.split(['_', '-', '.', ' ']).any(is_near)
 }
 

@@ -17,7 +17,7 @@ pub use refresh::{Read, full_refresh, shortest_refresh};
 
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, PollClass};
+use crate::profile::model::{Flag, Model, PollClass, Role};
 use crate::wire::exception;
 use groups::{apart, may_be_read_along};
 use std::cmp::Reverse;
@@ -230,7 +230,10 @@ impl PollPlan {
         if !entry.vain.again(answers) {
             return None;
         }
-        entry.regular = now + if entry.group.class == PollClass::Fast { SOON } else { SELDOM };
+        let status = model.status_flag(Flag::Running).map(|flag| flag.address);
+        let output = model.register_for(Role::OutputFrequency).map(|register| register.address);
+        let shows_motor = [status, output].contains(&Some(entry.group.address));
+        entry.regular = now + if shows_motor { SOON } else { SELDOM };
         entry.due = entry.regular;
         let is_new = entry.refused.replace(code).is_none();
         is_new.then_some(RefusedRegister { address: entry.group.address, code })

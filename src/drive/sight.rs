@@ -77,6 +77,12 @@ impl Sight {
         std::mem::replace(&mut self.may_still_run, false)
     }
 
+    /// Whether it was seen at standstill before it went out of sight, and ordered nothing since.
+    #[must_use]
+    pub const fn stood_last(&self) -> bool {
+        self.is_away && !self.may_still_run
+    }
+
     /// What is shown while the drive is out of sight.
     #[must_use]
     pub const fn view(&self) -> SightView {

@@ -61,7 +61,9 @@ pub enum Note {
     #[error("ALARM: a stop has no effect; repeating it")]
     NotEffective,
     /// A stop could not be sent in time.
-    #[error("ALARM: a stop could not be sent yet; it is sent as soon as the drive can be reached and the line allows it")]
+    #[error(
+        "ALARM: a stop could not be sent yet; it is sent as soon as the drive can be reached and the line allows it"
+    )]
     StopNotSent,
     /// The drive refuses every form of the stop.
     #[error("ALARM: the drive refuses to stop; it will not be started until a stop takes effect")]

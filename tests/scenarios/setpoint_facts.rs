@@ -123,6 +123,11 @@ fn where_a_drive_keeps_another_value_each_write_is_told_so() {
         // Another one is taken, and the old one too once the drive takes it.
         assert_eq!(rig.commanded(ORIGIN, setpoint(4000)), (Outcome::Confirmed, Reason::None), "{id}");
         rig.bus.drive_mut(Station(1)).unwrap().clamp(None);
+        // A higher one than the drive held for so long, once the output was seen right.
+        for _ in 0..10 {
+            rig.command(ORIGIN, 0, setpoint(4000));
+            rig.pass(SECOND);
+        }
         assert_eq!(rig.commanded(ORIGIN, setpoint(6000)), (Outcome::Confirmed, Reason::None), "{id}");
         assert_eq!(rig.commanded(ORIGIN, setpoint(6000)), (Outcome::Acknowledged, Reason::Unchanged), "{id}");
     }

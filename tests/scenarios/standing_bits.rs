@@ -55,10 +55,10 @@ fn a_stop_of_a_motor_that_runs_by_others_keeps_the_direction_that_it_shows() {
         assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
         assert_eq!(last_word(&rig, &model), word, "{direction:?}");
     }
-    // Nothing was ordered, and nothing turns: there is nothing to keep.
+    // Where nothing is known, it runs forward rather than in reverse.
     let mut rig = rig_of(&model, accepting());
     assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
-    assert_eq!(last_word(&rig, &model), 0x0002);
+    assert_eq!(last_word(&rig, &model), 0x0006);
 }
 
 #[test]

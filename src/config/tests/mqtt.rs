@@ -136,11 +136,11 @@ fn a_password_never_stands_in_the_file() {
     );
     only(
         &over("mqtts://broker", "user = 'vfd'\npassword_env = '$MQTT'"),
-        "mqtt.password_env: `$MQTT` is not valid; the name of an environment variable",
+        "mqtt.password_env: `***` is not valid; the name of an environment variable",
     );
     only(
         &over("mqtts://broker", "user = 'vfd'\npassword_file = 'mqtt'"),
-        "mqtt.password_file: `mqtt` is not valid; an absolute path",
+        "mqtt.password_file: `***` is not valid; an absolute path",
     );
 }
 

@@ -281,7 +281,7 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     assert!(has(Severity::Problem, "the drive kept its old value; it may be locked"), "{said:?}");
     assert!(has(Severity::Hint, "watchdog over the bus is off"), "{said:?}");
     assert!(
-        has(Severity::Hint, "the commander was lost. The declared action (stop) is due: nothing was sent"),
+        has(Severity::Problem, "the commander was lost. The declared action (stop) is due: nothing was sent"),
         "{said:?}"
     );
     view.control.as_mut().unwrap().last = Some(Report::new(Outcome::Confirmed, Reason::None));

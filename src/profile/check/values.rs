@@ -164,7 +164,12 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
     let is_configured = scale.of.as_ref().is_some_and(|of| of.value == CONFIGURED);
     if let Some(parameter) = scale.parameter.valid().filter(|_| !is_configured && scale.of.is_some()) {
         let right = "leave it out, or `of = \"configured\"`";
-        tell(&parameter.location, "a register of the drive holds the full scale, so it is not entered by hand", right, problems);
+        tell(
+            &parameter.location,
+            "a register of the drive holds the full scale, so it is not entered by hand",
+            right,
+            problems,
+        );
     }
     let unit = register.unit.as_ref().map(|unit| unit.value);
     let from = scale.from.valid();
