@@ -27,6 +27,10 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     browser.wait(output);
     shop.drive.kill();
     browser.wait_for_text(&in_card(".unseen-run"), "MAY STILL RUN");
+    // The tab is there, and shows that it is refused for as long as its lease lasts.
+    browser.wait_for_text(&in_card(".owner"), "its renewals are refused");
+    let owner = browser.text(&in_card(".owner"));
+    assert!(!owner.contains("order") && !owner.contains("renewed every"), "{owner}");
     let told = browser.text(&in_card(".unseen-run"));
     assert!(told.contains("forward 10.00 Hz") && told.contains("Go to the drive"), "{told}");
     let largest = "const card = document.querySelector('#drive-pump-1'); const size = (it) => parseFloat(getComputedStyle(it).fontSize); \
@@ -35,7 +39,7 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
                    return [all[0].textContent, size(all[0]) > size(all[1])]";
     assert_eq!(browser.script(largest), json!(["May still run", true]));
     browser.wait_for_text("#advice li:first-child", "MAY STILL RUN");
-    // The tab is there, and its renewals are refused: that is no lost commander, and nothing could be sent.
+    // That is no lost commander, and nothing could be sent.
     until("what is declared is due", LOST_AFTER * 2 + PATIENCE, || {
         (control(&shop)["failsafe"]["stage"] == "due").then_some(())
     });
@@ -43,9 +47,6 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     browser.wait("document.querySelector('#advice').textContent.includes('nothing was sent yet')");
     let advice = browser.text("#advice");
     assert!(!advice.contains("commander was lost") && !advice.contains("carried out"), "{advice}");
-    browser.wait_for_text(&in_card(".owner"), "its renewals are refused");
-    let owner = browser.text(&in_card(".owner"));
-    assert!(!owner.contains("order") && !owner.contains("renewed every"), "{owner}");
     browser.wait_for_text(&in_card(".unseen-run"), "fail-safe action due, not sent");
     browser.wait_for_text("#counts [data-state='may_still_run']", "1 may still run");
     assert_no_program_words(&browser);

@@ -67,6 +67,9 @@ pub async fn converse<T: Protocol>(
         if broken.is_unsent && life.is_none() {
             talk.borrow_mut().unsent();
         }
+        if life.is_none() {
+            client.limit.not_reached();
+        }
         let next = client.retry.after(&broken, life);
         let reason = broken.reason;
         let wait = next.wait;

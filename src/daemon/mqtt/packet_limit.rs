@@ -79,6 +79,11 @@ impl PacketLimit {
         self.tried.take_if(|most| bytes > *most);
     }
 
+    /// The broker accepted no connection: it was restarted, which explains the end before.
+    pub const fn not_reached(&mut self) {
+        self.soon_over = 0;
+    }
+
     /// A connection that was accepted `life` ago ended for `cause` at `now`. Nothing larger than `largest` bytes was sent on
     /// it. Returns whether its size explains the end.
     pub fn ended(&mut self, cause: Cause, largest: usize, life: Duration, now: MonoTime) -> bool {
@@ -225,6 +230,8 @@ mod tests {
         for _ in 0..20 {
             assert!(!gone(&mut known, 2_612) && !gone(&mut known, 2_612));
             assert!(!known.ended(Cause::Gone, 2_612, SOON, MonoTime::ZERO));
+            assert!(!gone(&mut known, 2_612) && !gone(&mut known, 2_612));
+            known.not_reached();
         }
         assert_eq!((known.most, known.alone_above()), (None, None));
     }

@@ -71,6 +71,6 @@ pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
             ends.iter_mut().find_map(|it| it.has_come(cx).then(|| it.name.clone())).map_or(Poll::Pending, Poll::Ready)
         })
         .await;
-        tracing::info!(signal = %name, "ended by a signal");
+        tracing::debug!(signal = %name, "ended by a signal");
     })
 }
