@@ -48,8 +48,8 @@ pub struct Sight {
 
 impl Sight {
     /// The drive is out of sight; its last readings showed `last_seen`, or there were none. `may_run`: it was not seen at
-    /// standstill, or was ordered to run since. What a person has confirmed holds until it is seen again. Returns whether it
-    /// is to be told that it may still run.
+    /// standstill, or was ordered to run since. What a person has confirmed holds until it is seen again. Returns whether to
+    /// report that it may still run.
     pub const fn lost(&mut self, last_seen: Option<LastSeen>, may_run: bool) -> bool {
         if !self.is_away {
             self.is_away = true;
@@ -73,14 +73,15 @@ impl Sight {
 
     /// A person confirms that the motor stands. Returns whether it was thought to run.
     pub const fn confirmed(&mut self) -> bool {
-        self.is_confirmed = true;
+        self.is_confirmed |= self.may_still_run;
         std::mem::replace(&mut self.may_still_run, false)
     }
 
-    /// Whether it was seen at standstill before it went out of sight, and ordered nothing since.
+    /// Whether it was seen at standstill before it went out of sight, and ordered nothing since. What a person confirms takes
+    /// the place of no reading.
     #[must_use]
     pub const fn stood_last(&self) -> bool {
-        self.is_away && !self.may_still_run
+        self.is_away && !self.may_still_run && !self.is_confirmed
     }
 
     /// What is shown while the drive is out of sight.
@@ -110,6 +111,7 @@ mod tests {
         assert!(!sight.lost(None, false), "told once");
         assert_eq!(sight.view(), SightView { last_seen: Some(RUNS), may_still_run: true });
         assert!(sight.confirmed() && !sight.confirmed());
+        assert!(!sight.stood_last(), "a declared action still falls due");
         assert!(!sight.lost(None, true), "nothing is known that the person did not see");
         assert_eq!(sight.view(), SightView { last_seen: Some(RUNS), may_still_run: false });
         assert!(sight.seen(), "it was told, so that it is over is told as well");
@@ -120,7 +122,8 @@ mod tests {
     fn a_drive_that_stood_does_not_run_unless_it_is_ordered_to() {
         let mut sight = Sight::default();
         assert!(!sight.lost(Some(RUNS), false));
-        assert!(!sight.view().may_still_run);
+        assert!(!sight.view().may_still_run && sight.stood_last());
+        assert!(!sight.confirmed(), "there is nothing to confirm");
         assert!(sight.lost(None, true), "an order was on its way");
         assert_eq!(sight.view().last_seen, Some(RUNS), "nothing newer was seen");
     }
