@@ -17,7 +17,7 @@ pub use refresh::{Read, full_refresh, shortest_refresh};
 
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Flag, Model, PollClass, Role};
+use crate::profile::model::{Model, PollClass};
 use crate::wire::exception;
 use groups::{apart, may_be_read_along};
 use std::cmp::Reverse;
@@ -28,7 +28,7 @@ use std::time::Duration;
 const VAIN_MAX: u8 = 3;
 /// Period of reads of registers that the drive has never answered for.
 const SELDOM: Duration = Duration::from_secs(3600);
-/// The same for what shows the motor: without it nothing is known of the motor.
+/// Period of reads of a refused register without which nothing is known of the motor.
 const SOON: Duration = Duration::from_secs(10);
 
 /// Counts failed reads.
@@ -230,10 +230,7 @@ impl PollPlan {
         if !entry.vain.again(answers) {
             return None;
         }
-        let status = model.status_flag(Flag::Running).map(|flag| flag.address);
-        let output = model.register_for(Role::OutputFrequency).map(|register| register.address);
-        let shows_motor = [status, output].contains(&Some(entry.group.address));
-        entry.regular = now + if shows_motor { SOON } else { SELDOM };
+        entry.regular = now + if model.is_essential(entry.group.address) { SOON } else { SELDOM };
         entry.due = entry.regular;
         let is_new = entry.refused.replace(code).is_none();
         is_new.then_some(RefusedRegister { address: entry.group.address, code })
