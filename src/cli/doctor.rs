@@ -4,6 +4,7 @@ use super::socket::{self, Question};
 use super::{Failure, Tone, log, print, toned};
 use crate::daemon::http::report::SPAN_SECONDS;
 use crate::daemon::http::socket::SOCKET_NAME;
+use crate::north::finding::Sign;
 use axum::http::StatusCode;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -17,8 +18,14 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines that are watched at once.
 const AT_ONCE: usize = 8;
 /// What the doctor names of a drive beside its frames: a motor that does not do what was ordered.
-const OF_MOTION: [&str; 6] =
-    ["may_still_run", "not_effective", "output_outside", "stopped_elsewhere", "commander_lost", "failsafe"];
+const OF_MOTION: [Sign; 6] = [
+    Sign::MayStillRun,
+    Sign::NotEffective,
+    Sign::OutputOutside,
+    Sign::StoppedElsewhere,
+    Sign::CommanderLost,
+    Sign::FailSafe,
+];
 /// Cells of the progress bar.
 const BAR_CELLS: u64 = 30;
 
@@ -107,7 +114,8 @@ fn own_findings(advice: &[Value]) -> Vec<&Value> {
 /// What the motors on the watched lines do that was not ordered. What their frames show is in the reports.
 fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
     let is_watched = |finding: &Value| reports.iter().any(|report| report["line"] == finding["line"]);
-    let is_of_motion = |finding: &Value| finding["sign"].as_str().is_some_and(|sign| OF_MOTION.contains(&sign));
+    let is_of_motion =
+        |finding: &Value| finding["sign"].as_str().is_some_and(|sign| OF_MOTION.iter().any(|it| it.word() == sign));
     advice.iter().filter(|finding| is_of_motion(finding) && is_watched(finding)).collect()
 }
 

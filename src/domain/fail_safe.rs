@@ -70,7 +70,7 @@ pub enum FailSafeStage {
     Effective,
     /// The drive was found at standstill before anything was sent.
     NotNeeded,
-    /// It is no longer sent: the drive stayed out of reach for too long, or another gateway has the line.
+    /// The action is no longer sent: the drive stayed out of reach for too long, or another gateway has the line.
     GivenUp,
 }
 

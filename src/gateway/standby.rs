@@ -180,8 +180,9 @@ impl LineCore {
 
     /// When that is due.
     pub(super) fn role_said_again_at(&self) -> Option<MonoTime> {
-        let share = self.share.as_ref().filter(|_| self.may_signal())?;
-        (share.rule.role() == LineRole::Active).then(|| share.role_said_at + ROLE_SAID_EVERY)
+        let share = self.share.as_ref()?;
+        let is_active = share.rule.role() == LineRole::Active && self.may_signal();
+        is_active.then(|| share.role_said_at + ROLE_SAID_EVERY)
     }
 
     fn role_was_said(&mut self, now: MonoTime) {

@@ -89,10 +89,7 @@ impl DriveGuard {
             Order::Take => self.review_take(origin, &control, facts, now),
             order => {
                 self.may_command(origin, &control, facts).inspect_err(|refused| {
-                    let is_cut_off = |reason| {
-                        matches!(reason, Reason::LineDown | Reason::Offline | Reason::Standby | Reason::Implausible)
-                    };
-                    if is_cut_off(refused.reason) {
+                    if let Reason::LineDown | Reason::Offline | Reason::Standby | Reason::Implausible = refused.reason {
                         self.was_out_of_reach(origin.owner, now);
                     }
                 })?;

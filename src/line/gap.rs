@@ -37,7 +37,7 @@ pub struct Gap {
     was_repeated: bool,
     /// How much later than possible the next frame is sent.
     wait: Duration,
-    /// The same for each frame that waits for a silence: another gateway may wait for the same one.
+    /// How much later a frame that waits for a silence is sent: another gateway may wait for the same silence.
     slot: Duration,
     seed: u64,
     /// A request was received at this moment, and neither its answer nor anything else since.

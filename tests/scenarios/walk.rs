@@ -25,7 +25,7 @@ fn rig(model: &Arc<Model>) -> Rig {
     rig_of(model, accepting())
 }
 
-/// The same with a commander that may be unable to renew its lease for a while.
+/// A rig with a commander that may be unable to renew its lease for a while.
 fn patient(model: &Arc<Model>) -> Rig {
     rig_of(model, ControlSettings { lost_after: SECOND * 60, ..accepting() })
 }

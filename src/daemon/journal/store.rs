@@ -151,8 +151,8 @@ impl Store {
         Ok(aside)
     }
 
-    /// Replaces the database if the files at its path are no longer those that are open. A process does not notice when somebody
-    /// deletes or replaces what it has open, and would go on writing into a file without a name.
+    /// Replaces the database if the files at its path are no longer those that are open. A process is not
+    /// notified when a file that it has open is deleted or replaced, and would go on writing into a file without a name.
     pub fn look(&mut self) {
         let files = self.files.as_mut().filter(|_| self.database.is_some());
         let Some(loss) = files.and_then(|files| files.loss(&self.path)) else { return };

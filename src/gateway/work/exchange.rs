@@ -123,11 +123,11 @@ impl DriveWork {
 
     /// Its stop was broadcast. Returns when the stop was accepted, if it had not been sent before.
     pub fn stop_was_broadcast(&mut self, out: Out<'_>) -> Option<MonoTime> {
-        let sent = self.guard.stop_was_sent().filter(|_| self.latch.is_some());
-        self.fail_safe_came(sent, out);
         let latch = self.latch.as_mut()?;
         let is_first = latch.unsent().is_some();
         let accepted_at = latch.was_broadcast(out.now());
+        let sent = self.guard.stop_was_sent();
+        self.fail_safe_came(sent, out);
         is_first.then_some(accepted_at)
     }
 

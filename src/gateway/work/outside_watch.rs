@@ -17,11 +17,11 @@ const NEARER_MILLIHERTZ: u32 = 20;
 /// What a reading shows of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
-    /// It is at its setpoint, within the limits.
+    /// The output is at its setpoint and within the limits.
     Right,
-    /// It may be on its way there.
+    /// The output may still be on its way to its setpoint.
     Unsure,
-    /// It is outside the limits, or far from the setpoint, for too long.
+    /// The output has been outside the limits, or far from its setpoint, for too long.
     Outside,
 }
 

@@ -116,10 +116,13 @@ impl DriveWork {
 
     pub(super) fn take_output(&mut self, raw: u16, read_at: MonoTime, now: MonoTime, out: Out<'_>) {
         self.output.take(raw, read_at);
-        let runs = self.status.is_running() == Some(true);
-        let least_fall = u16::try_from(self.steps_per_hertz() / NOISE_PER_HERTZ).unwrap_or(u16::MAX).max(LEAST_FALL);
-        if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, least_fall, now)) {
-            self.effective(out);
+        if self.latch.is_some() {
+            let runs = self.status.is_running() == Some(true);
+            let noise = u16::try_from(self.steps_per_hertz() / NOISE_PER_HERTZ).unwrap_or(u16::MAX);
+            let least_fall = noise.max(LEAST_FALL);
+            if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, least_fall, now)) {
+                self.effective(out);
+            }
         }
         self.held_against_its_stop(now, out);
         if self.output.is_active() {
